@@ -9,8 +9,15 @@ class Fidelity(StrEnum):
     """How robots are moved."""
 
     PHYSICS = "physics"
+    MIXED = "mixed"
+    """Physics where arms work, kinematic elsewhere."""
     KINEMATIC = "kinematic"
     GRID = "grid"
+
+    @property
+    def has_contact(self) -> bool:
+        """Whether arms and parcels have bodies, mass and contact."""
+        return self in (Fidelity.PHYSICS, Fidelity.MIXED)
 
 
 class Grip(StrEnum):

@@ -76,8 +76,8 @@ class RunConfig(Settings):
             value = getattr(self, name)
             require(value in list(kind), name, value, ", ".join(kind))
             object.__setattr__(self, name, kind(value))
-        seen = self.perception is Perception.TRUTH or self.fidelity is Fidelity.PHYSICS
-        require(seen, "--perception", str(self.perception), "truth, or camera with --fidelity physics")
+        seen = self.perception is Perception.TRUTH or self.fidelity.has_contact
+        require(seen, "--perception", str(self.perception), "truth, or camera with --fidelity physics or mixed")
         require(self.robots >= 1, "--robots", self.robots, "an integer >= 1")
         fits = self.tasks is None or 1 <= self.tasks <= MOST_TASKS
         require(fits, "--tasks", self.tasks, f"an integer from 1 to {MOST_TASKS}")

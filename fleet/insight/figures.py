@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping
 from functools import cached_property
 
 from fleet.arrays import FloatArray
-from fleet.config import Fidelity
 from fleet.insight.cause_watch import CauseWatch
 from fleet.insight.codebook import Codebook, codebook_of
 from fleet.insight.metrics import Metrics, Summary
@@ -50,7 +49,7 @@ class Figures:
     def slip_meter(self) -> SlipMeter | None:
         """Measures every carry; None without physics, where parcels stick rigidly to their tools."""
         run = self._run
-        return SlipMeter(run.scene.arm, run.scene.arm_base) if run.config.fidelity is Fidelity.PHYSICS else None
+        return SlipMeter(run.scene.arm, run.scene.arm_base) if run.config.fidelity.has_contact else None
 
     def tick(self, speeds: FloatArray) -> None:
         """Take in the tick that was just done.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fleet.config import Fidelity, RunConfig
+from fleet.config import Fidelity, Perception, RunConfig
 from fleet.world.grid import GridWorld
 from fleet.world.kinematic import KinematicWorld
 from fleet.world.protocol import World
@@ -24,6 +24,12 @@ def make_world(scene: Scene, graph: LaneGraph, config: RunConfig) -> World:
             grip_force_n=config.grip_force_n,
         )
         return BulletWorld(scene, settings)
+    if config.fidelity is Fidelity.MIXED:
+        from fleet.world.mixed.config import MixedConfig
+        from fleet.world.mixed.world import MixedWorld
+
+        images = config.perception is Perception.CAMERA
+        return MixedWorld(scene, MixedConfig(grip=config.grip, grip_force_n=config.grip_force_n, images=images))
     if config.fidelity is Fidelity.KINEMATIC:
         return KinematicWorld(scene)
     return GridWorld(scene, graph)

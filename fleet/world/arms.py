@@ -38,6 +38,7 @@ class ServoArms:
         self._spec, self._base, self._tick_s = spec, np.array(base, dtype=np.float64).reshape(-1, 4), tick_s
         n_arms, n_joints = len(self._base), spec.n_joints
         self._joints = spec.joints
+        self._boundless = np.full(n_joints, np.inf)
         self.q = np.array(start, dtype=np.float64).reshape(n_arms, n_joints)
         self.qd = np.zeros((n_arms, n_joints))
         self.tips = np.zeros((n_arms, 7))
@@ -51,6 +52,16 @@ class ServoArms:
         """Move towards joint targets [rad], shape (n_arms, n_joints), for one tick."""
         self._follow(target_q, everything=False)
 
+    def follow(self, q: FloatArray, qd: FloatArray) -> None:
+        """Be where something else has moved the arms.
+
+        Args:
+            q: Joint positions [rad], shape (n_arms, n_joints).
+            qd: Their velocities [rad/s], same shape.
+        """
+        self._follow(q, everything=False, fastest=self._boundless)
+        self.qd[:] = qd
+
     def save(self) -> tuple[FloatArray, FloatArray]:
         """Copies of positions and velocities."""
         return self.q.copy(), self.qd.copy()
@@ -61,7 +72,7 @@ class ServoArms:
         self._follow(self.q, everything=True)
         self.qd[:] = snapshot[1]
 
-    def _follow(self, target_q: FloatArray, *, everything: bool) -> None:
+    def _follow(self, target_q: FloatArray, *, everything: bool, fastest: FloatArray | None = None) -> None:
         spec = self._spec
         _servo(
             self.q,
@@ -69,7 +80,7 @@ class ServoArms:
             target_q,
             spec.lower_rad,
             spec.upper_rad,
-            spec.max_velocity_radps,
+            spec.max_velocity_radps if fastest is None else fastest,
             self._tick_s,
             everything,
             self._joints,

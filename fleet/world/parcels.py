@@ -101,6 +101,34 @@ class PlanarParcels:
         self._local = np.insert(self._local, row, body.pose, axis=0)
         self._drop(row, car_poses)
 
+    def load_on(self, body: ParcelBody, car: int, car_pose: FloatArray) -> None:
+        """Put a parcel on a car's tray just as it lies there; it keeps its pose relative to the car.
+
+        Args:
+            body: The parcel, with its pose in the world.
+            car: Index.
+            car_pose: Of its rear axle x, y, yaw, shape (3,).
+
+        Raises:
+            ParcelError: The id is in use.
+        """
+        self.add(body, np.empty((0, 3)))
+        row = int(np.searchsorted(self.ids, body.parcel))
+        self.poses[row] = body.pose
+        self._support[row], self._carrier[row] = Support.TRAY, car
+        back = Rotation.from_euler("z", -car_pose[2])
+        self._local[row, :3] = back.apply(body.pose[:3] - (car_pose[0], car_pose[1], 0.0))
+        self._local[row, 3:] = (back * Rotation.from_quat(body.pose[3:])).as_quat()
+
+    def on_car(self, car: int) -> list[int]:
+        """Ids of the parcels that ride on a car, ascending."""
+        rides = (self._support == Support.TRAY) & (self._carrier == car)
+        return [int(parcel) for parcel in self.ids[rides]]
+
+    def pose(self, parcel: int) -> FloatArray:
+        """World pose of a parcel, shape (7,)."""
+        return self.poses[int(np.searchsorted(self.ids, parcel))]
+
     def remove(self, parcel: int) -> None:
         """Take a parcel out of the world, out of a grip too.
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -101,17 +102,23 @@ class Surroundings:
         del self._added[obstacle]
         self._sort_boxes()
 
-    def observe(self, car_poses: FloatArray, held: FloatArray) -> None:
+    def observe(
+        self, car_poses: FloatArray, held: FloatArray, known: Callable[[int], bool] | None = None
+    ) -> frozenset[int]:
         """Count new touches and note the smallest clearance.
 
         Args:
             car_poses: Rear-axle poses x, y, yaw, shape (n_cars, 3).
             held: Spheres x, y, z, radius round the held parcels, radius < 0 for none, shape (n_arms, 4).
+            known: Whether somebody else looks after what touches, by its code; None = nobody does.
+
+        Returns:
+            Codes of the touches that last, as `robots_of` reads them.
         """
         self._touches.look(car_poses, held, self._boxes)
         codes = self._touches.codes
         if len(codes) or self._touching:
-            now = frozenset(codes.tolist())
+            now = frozenset(code for code in codes.tolist() if known is None or not known(code))
             new = now - self._touching
             static = sum(code >> KIND_SHIFT == STATIC for code in new)
             self.n_robot_contacts += len(new) - static
@@ -121,6 +128,7 @@ class Surroundings:
                 self.of_cars[cars] += 1
                 self.of_arms[arms] += 1
             self._touching = now
+        return self._touching
 
     def set_apart(self, car_poses: FloatArray, car_speeds: FloatArray) -> None:
         """Set cars apart that overlap each other or a box, in place; see `fleet.world.collisions`.

@@ -26,6 +26,7 @@ from planners.motion.arm.kinematics import link_frames
 try:
     from fleet.world.bullet.engine.config import BulletConfig
     from fleet.world.bullet.world import BulletWorld
+    from fleet.world.mixed.world import MixedWorld
 except ImportError:  # pragma: no cover - only where pybullet is not installed
     BulletWorld = None  # type: ignore[assignment, misc]
 
@@ -79,10 +80,11 @@ def hop(world: World, car: int, speed_mps: float) -> FloatArray:
 CASES = {
     "kinematic": Case(make=lambda: KinematicWorld(scene(), KinematicConfig(tick_s=0.05)), go=steer),
     "grid": Case(make=lambda: GridWorld(scene(), GRAPH, GridConfig(tick_s=0.05, timestep_s=1.0)), go=hop),
+    "mixed": Case(make=lambda: MixedWorld(scene()), go=steer),
     "bullet": Case(make=lambda: BulletWorld(scene(), BulletConfig()), go=steer),
 }
 ABSENT = pytest.mark.skipif(BulletWorld is None, reason="needs pybullet")
-PARAMS = [pytest.param(name, marks=[pytest.mark.bullet, ABSENT] if name == "bullet" else []) for name in CASES]
+PARAMS = [pytest.param(name, marks=[pytest.mark.bullet, ABSENT] if name in ("mixed", "bullet") else []) for name in CASES]
 
 
 @pytest.fixture(params=PARAMS)

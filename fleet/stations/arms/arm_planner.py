@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fleet.arrays import FloatArray
-from fleet.config import Fidelity, RunConfig
+from fleet.config import RunConfig
 from fleet.robots import racecar_spec
 from fleet.robots.spec import ArmSpec
 from fleet.robots.tools import TOOLS
@@ -334,7 +334,7 @@ def arm_setup(cells: tuple[ArmCell, ...], names: tuple[str, ...], spec: ArmSpec,
         tool=str(config.grip),
         planner=config.arms.planner,
         n_iterations=config.arms.iterations_n,
-        confirm=config.fidelity is Fidelity.PHYSICS,
+        confirm=config.fidelity.has_contact,
     )
 
 

@@ -119,6 +119,10 @@ class Arms:
         """Whether each arm moves or is told to, shape (m,)."""
         return self._targets.moving
 
+    def rest(self, slow_radps: float) -> bool:
+        """Whether all arms are told to stand, and their joints turn more slowly than that [rad/s]."""
+        return not self._targets.qd.any() and bool((np.abs(self.qd) < slow_radps).all())
+
     def aim(self, q: FloatArray, qd: FloatArray) -> None:
         """Take the set-points for the end of the coming tick.
 

@@ -19,6 +19,7 @@ from fleet.world.bullet.ackermann import Ackermann
 from fleet.world.bullet.engine import groups
 from fleet.world.bullet.engine.client import Client
 from fleet.world.bullet.engine.frames import quaternion, rotation, rotation_into
+from fleet.world.bullet.engine.urdf_text import without_visuals
 
 # Torques of the wheel motors: 2 m/s^2 with a full tray needs 0.21 Nm; the brake locks the wheel, so that grip decides.
 _DRIVE_NM = 0.6
@@ -73,6 +74,7 @@ class _Memory:
     pushes: dict[int, _Push]
     parked: BoolArray
     parked_at: FloatArray
+    aside: BoolArray
 
     def copy(self) -> _Memory:
         """A copy of its own."""
@@ -81,6 +83,7 @@ class _Memory:
             pushes=copy.deepcopy(self.pushes) if self.pushes else {},
             parked=self.parked.copy(),
             parked_at=self.parked_at.copy(),
+            aside=self.aside.copy(),
         )
 
 
@@ -96,6 +99,7 @@ class Cars:
         brakes: Standing cars are held where they are. Costs an eighth of a physics step, as the engine looks at all
             constraints, of moving cars too. Without it they creep (`BulletConfig.residual`).
         limit_share: Part of their limits that motors are given; see `BulletConfig`.
+        visuals: Whether they can be seen in images.
     """
 
     def __init__(
@@ -108,6 +112,7 @@ class Cars:
         *,
         brakes: bool = True,
         limit_share: float = 1.0,
+        visuals: bool = True,
     ) -> None:
         self._client = client
         self._spec = spec
@@ -116,6 +121,8 @@ class Cars:
         self._steer_nm = _STEER_NM * limit_share
         self.bodies: list[int] = []
         urdf = CARS[spec.name].urdf(wheels)
+        if not visuals:
+            urdf = without_visuals(urdf)
         for x, y, yaw in start:
             body = client.load_urdf(
                 urdf,
@@ -138,6 +145,8 @@ class Cars:
         self._parked = np.zeros(len(self.bodies), dtype=np.bool_)
         self._parked_at = np.zeros((len(self.bodies), 7))
         self._pushes: dict[int, _Push] = {}
+        self._aside = np.zeros(len(self.bodies), dtype=np.bool_)
+        self._ride = (0.0, (0.0, 0.0, 0.0, 1.0))
         self._ackermann = Ackermann(spec)
         self._changed = np.empty(len(self.bodies), dtype=np.int64)
         self._fresh = np.empty((2, len(self.bodies)))
@@ -282,7 +291,8 @@ class Cars:
             poses: Of the rear axles, x, y, yaw, shape (n, 3).
         """
         for car, pose in enumerate(poses):
-            self._stand(car, pose)
+            if not self._aside[car]:
+                self._stand(car, pose)
         self._release(np.flatnonzero(self._parked))
         self._pushes.clear()
         self._unset[:] = True
@@ -317,9 +327,89 @@ class Cars:
         for joint in self._hinges:
             client.resetJointState(body, joint, 0.0, 0.0)
 
+    def note_ride(self) -> None:
+        """Remember how high the first car stands on its wheels, and how it leans, for `enter`; it has to stand still."""
+        client = self._client
+        place, quat = client.getBasePositionAndOrientation(self.bodies[0])
+        turn = rotation(np.array(quat))
+        yaw = math.atan2(turn[1, 0], turn[0, 0])
+        lean = client.multiplyTransforms((0, 0, 0), quaternion(-yaw), (0, 0, 0), quat)[1]
+        self._ride = (place[2] - float((turn @ self._com)[2]), lean)
+
+    def set_aside(self, car: int, pose: FloatArray) -> None:
+        """Take a car out of all that happens: it sleeps at a place, which costs next to nothing.
+
+        Args:
+            car: Index.
+            pose: Of its rear axle, x, y, yaw, shape (3,); nothing may come there.
+        """
+        if self._parked[car]:
+            self._release(np.array([car]))
+        self._pushes.pop(car, None)
+        self._move(car, pose, 0.0, 0.0)
+        self._aside[car] = True
+        self.rouse()
+        self.now = self.reading()
+
+    def enter(self, car: int, pose: FloatArray, speed: float, steering: float) -> None:
+        """Let a car that was set aside drive on from some motion, its wheels rolling as that asks for.
+
+        Args:
+            car: Index.
+            pose: Of its rear axle, x, y, yaw, shape (3,).
+            speed: Of the middle of the rear axle [m/s].
+            steering: Angle of the bicycle [rad].
+        """
+        self._aside[car] = False
+        self.rouse()
+        self._move(car, pose, speed, steering)
+        self._sent[car] = np.nan
+        self.now = self.reading()
+
+    def rouse(self) -> None:
+        """Let the engine know which cars are set aside; its snapshots do not hold that."""
+        client = self._client
+        for body, aside in zip(self.bodies, self._aside.tolist(), strict=True):
+            if aside:
+                client.changeDynamics(body, -1, activationState=client.ACTIVATION_STATE_ENABLE_SLEEPING)
+                client.changeDynamics(body, -1, activationState=client.ACTIVATION_STATE_SLEEP)
+            else:
+                client.changeDynamics(body, -1, activationState=client.ACTIVATION_STATE_WAKE_UP)
+                client.changeDynamics(body, -1, activationState=client.ACTIVATION_STATE_DISABLE_SLEEPING)
+
+    @property
+    def rest(self) -> bool:
+        """Whether every car is held where it stands, or set aside."""
+        return not self._pushes and bool((self._parked | self._aside).all())
+
+    def _move(self, car: int, pose: FloatArray, speed: float, steering: float) -> None:
+        """Put a car at a pose, in motion."""
+        client, body = self._client, self.bodies[car]
+        height, lean = self._ride
+        quat = client.multiplyTransforms((0, 0, 0), quaternion(float(pose[2])), (0, 0, 0), lean)[1]
+        turn = rotation(np.array(quat))
+        arm = turn @ self._com
+        client.resetBasePositionAndOrientation(
+            body, (float(pose[0] + arm[0]), float(pose[1] + arm[1]), float(height + arm[2])), quat
+        )
+        # About the body's own axis, so that the turn adds nothing to the forward speed of the centre of mass.
+        rates = turn[:, 2] * (speed * math.tan(steering) / self._spec.wheelbase_m)
+        client.resetBaseVelocity(body, (turn[:, 0] * speed + np.cross(rates, arm)).tolist(), rates.tolist())
+        spins, angles = self._ackermann.motions(np.array([steering]), np.array([speed]))
+        for joint, spin in zip(self._wheels, spins[0].tolist(), strict=True):
+            client.resetJointState(body, joint, 0.0, spin)
+        for joint, angle in zip(self._hinges, angles[0].tolist(), strict=True):
+            client.resetJointState(body, joint, angle, 0.0)
+
     def memory(self) -> _Memory:
         """What the engine's own snapshot does not hold."""
-        memory = _Memory(sent=self._sent, pushes=self._pushes, parked=self._parked, parked_at=self._parked_at)
+        memory = _Memory(
+            sent=self._sent,
+            pushes=self._pushes,
+            parked=self._parked,
+            parked_at=self._parked_at,
+            aside=self._aside,
+        )
         return memory.copy()
 
     def recall(self, memory: _Memory) -> None:
@@ -327,13 +417,16 @@ class Cars:
         memory = memory.copy()
         self._sent, self._pushes = memory.sent, memory.pushes
         self._parked, self._parked_at = memory.parked, memory.parked_at
+        if (memory.aside | self._aside).any():
+            self._aside = memory.aside
+            self.rouse()
         self._unset[:] = True
         for car, parked in enumerate(self._parked.tolist() if self._brakes else []):
             self._hold(car, on=parked)
 
     def _brake(self, commands: FloatArray) -> None:
         """Park the cars that stand and are told to, and let go of those that are not, or that were shoved away."""
-        standing = (self._sent[:, 1] == 0.0) & (commands[:, 1] == 0.0)
+        standing = (self._sent[:, 1] == 0.0) & (commands[:, 1] == 0.0) & ~self._aside
         if self._parked.any():
             self._release(np.flatnonzero(self._parked & (~standing | self._slipped())))
         if standing.any():

@@ -146,6 +146,11 @@ class Parcels:
         self._places.pop(parcel, None)
         self._poses = None
 
+    def rest(self, slow_mps: float) -> bool:
+        """Whether all parcels move and turn more slowly than that [m/s, rad/s]."""
+        measure = self._client.getBaseVelocity
+        return all(abs(v) < slow_mps for body in self._bodies.values() for part in measure(body) for v in part)
+
     def state(self) -> list[float]:
         """All ids, positions and velocities, one after the other."""
         return [x for parcel in self.ids() for x in (float(parcel), *self.motion(parcel).tolist())]

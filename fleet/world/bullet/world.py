@@ -119,6 +119,7 @@ class BulletWorld:
                     call_s,
                     brakes=not at_once,
                     limit_share=config.limit_share,
+                    visuals=config.visuals,
                 )
                 self._arms = Arms(
                     client,
@@ -213,9 +214,16 @@ class BulletWorld:
         """Poses in the order of `parcel_ids`, shape (p, 7)."""
         return self._parcels.poses()
 
-    def add_parcel(self, body: ParcelBody) -> None:
-        """Put a parcel into the world; raises `PhysicsError` if its id is taken."""
+    def add_parcel(self, body: ParcelBody, velocity: FloatArray | None = None) -> None:
+        """Put a parcel into the world; raises `PhysicsError` if its id is taken.
+
+        Args:
+            body: The parcel.
+            velocity: Linear and angular, shape (6,) [m/s, rad/s]; None = it stands.
+        """
         self._parcels.add(body)
+        if velocity is not None:
+            self._parcels.place(body.parcel, np.concatenate((body.pose, velocity)))
 
     def remove_parcel(self, parcel: int) -> None:
         """Take a parcel out of the world; raises `PhysicsError` if it is not there."""
@@ -250,6 +258,29 @@ class BulletWorld:
     def put_car(self, car: int, pose: FloatArray) -> None:
         """See `World`."""
         self._cars.put(car, pose)
+
+    def ride(self) -> None:
+        """Remember how cars stand on their wheels, for `enter_car`; the first one has to stand still."""
+        self._cars.note_ride()
+
+    def set_car_aside(self, car: int, pose: FloatArray) -> None:
+        """Take a car out of all that happens, asleep at a pose x, y, yaw where nothing comes, shape (3,)."""
+        self._cars.set_aside(car, pose)
+        self._near = self._measure()
+
+    def enter_car(self, car: int, pose: FloatArray, speed_mps: float, steering_rad: float) -> None:
+        """Let a car that was set aside drive on from a motion; the pose is that of its rear axle, shape (3,)."""
+        self._cars.enter(car, pose, speed_mps, steering_rad)
+        self._monitor.look_again()
+        self._near = self._measure()
+
+    def rests(self, slow: float) -> bool:
+        """Whether nothing moves, or was told to.
+
+        Args:
+            slow: Speed up to which things count as resting [m/s, rad/s].
+        """
+        return self._cars.rest and self._arms.rest(slow) and self._parcels.rest(slow)
 
     def fail_grip(self, arm: int) -> None:
         """Let an arm's tool fail: the vacuum breaks down, or the fingers open, until it is told to let go."""

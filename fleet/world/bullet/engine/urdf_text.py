@@ -23,6 +23,15 @@ _FAR = 1e4
 """No joint goes farther [rad or m]."""
 
 
+def without_visuals(text: str) -> str:
+    """Leave out of a description what is only there to be seen."""
+    root = ElementTree.fromstring(text)
+    for link in root.findall("link"):
+        for visual in link.findall("visual"):
+            link.remove(visual)
+    return ElementTree.tostring(root, encoding="unicode")
+
+
 def urdf_fault(text: str) -> str:
     """Say what is wrong with the text of a URDF file; empty if nothing is.
 

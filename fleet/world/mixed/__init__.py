@@ -1,0 +1,1 @@
+"""The mixed world: contact physics where arms work, kinematic cars elsewhere."""

@@ -1,0 +1,58 @@
+"""Settings of the mixed world: where physics begins, and how finely it steps."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from fleet.config import Grip, require
+
+
+@dataclass(frozen=True, kw_only=True)
+class MixedConfig:
+    """Settings of a `MixedWorld`."""
+
+    grip: Grip = Grip.SUCTION
+    grip_force_n: float | None = None
+    """Most force of a cup, or of each finger [N]; None = the tool's."""
+    images: bool = True
+    """Whether cars are seen in images, for which each takes 5 MB."""
+    tick_s: float = 0.05
+    """Length of one tick [s], that of the kinematic world."""
+    car_substep_s: float = 0.0125
+    """Greatest integration step of cars outside physics [s]."""
+    radius_m: float = 1.0
+    """A car whose tray's middle is nearer to an arm's base than this drives on its wheels [m].
+
+    A stopped car is 0.6 m away and the next in the queue 1.17 m, so it is the last 0.8 m of the way to a dock and the
+    first of the way from there.
+    """
+    margin_m: float = 0.1
+    """How much farther away it is handed back [m], so that no car is handed to and fro."""
+    near_m: float = 2.5
+    """Walls, shelves, pedestals and obstacles that reach so near to an arm's base are in its region [m]."""
+    neighbours_m: float = 1.5
+    """Arms that stand nearer to each other than this share a region, as those of one dock do [m]."""
+    most_regions: int = 16
+    """Regions at most, each of which is an engine of its own and takes 30 MB: larger sites have regions of more arms.
+
+    With one engine for every station a hundred stations would take 4 GB.
+    """
+    slots_n: int = 3
+    """Bodies that wait for cars in a region of one arm; one more for each further arm."""
+    still_s: float = 0.5
+    """A region is no longer stepped when nothing moved for so long [s]; fingers have closed by then."""
+    slow: float = 1e-4
+    """Speed up to which things count as resting [m/s, rad/s]."""
+
+    def __post_init__(self) -> None:
+        for name in ("tick_s", "car_substep_s", "radius_m", "margin_m", "near_m", "neighbours_m", "still_s", "slow"):
+            value = getattr(self, name)
+            require(0 < value < 1e6, f"mixed.{name}", value, "a number > 0")
+        require(self.near_m >= self.radius_m, "mixed.near_m", self.near_m, f"a number >= radius_m, {self.radius_m:g}")
+        for name in ("most_regions", "slots_n"):
+            require(getattr(self, name) >= 1, f"mixed.{name}", getattr(self, name), "an integer >= 1")
+
+    @property
+    def substeps_n(self) -> int:
+        """Physics steps per tick, 120 a second, or 240 with fingers, as in `BulletConfig`."""
+        return max(1, round(self.tick_s * (240 if self.grip is Grip.FRICTION else 120)))

@@ -1,0 +1,235 @@
+"""Region: a part of the floor with contact physics, which is stepped only while something in it moves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fleet.arrays import BoolArray, FloatArray, IntArray
+from fleet.world.bullet.engine.config import BulletConfig
+from fleet.world.bullet.world import BulletWorld
+from fleet.world.mixed.config import MixedConfig
+from fleet.world.mixed.split import aside, reaches, region_scene
+from fleet.world.protocol import Contacts, ParcelBody
+from fleet.world.scene import Scene
+
+_SETTLE_S = 0.5
+_FREE = -1
+
+
+@dataclass(frozen=True, kw_only=True)
+class RegionSnapshot:
+    """A moment of one `Region`."""
+
+    world: object
+    car_in: IntArray
+    still_s: float
+    told: tuple[FloatArray, FloatArray, FloatArray, BoolArray]
+    bodies: dict[int, ParcelBody]
+    obstacles: frozenset[int]
+    state: bytes | None
+
+
+class Region:
+    """Some arms with their racks, in an engine of their own, and bodies for the cars that come to them.
+
+    Attributes:
+        arms: Indices of its arms in the fleet, shape (m,).
+        world: The physics; its cars are slots.
+        car_in: Car whose body each slot is, -1 for none, shape (n_slots,).
+        bodies: Size and mass of its parcels, by id.
+
+    Args:
+        scene: The whole.
+        arms: Indices of the region's arms.
+        config: Settings.
+    """
+
+    def __init__(self, scene: Scene, arms: list[int], config: MixedConfig) -> None:
+        n_slots = config.slots_n + len(arms) - 1
+        self._config = config
+        self._spec = scene.car
+        self.arms = np.array(arms, dtype=np.int64)
+        self._base = scene.arm_base[arms]
+        part = region_scene(scene, arms, n_slots, config.near_m)
+        self.world = BulletWorld(
+            part,
+            BulletConfig(
+                grip=config.grip,
+                grip_force_n=config.grip_force_n,
+                tick_s=config.tick_s,
+                substeps_n=config.substeps_n,
+                visuals=config.images,
+            ),
+        )
+        self.car_in = np.full(n_slots, _FREE, dtype=np.int64)
+        self.bodies: dict[int, ParcelBody] = {}
+        self._obstacles: set[int] = set()
+        self._serving = np.full(len(arms), -1, dtype=np.int64)
+        none = np.zeros((n_slots, 2)), part.arm_start, np.zeros_like(part.arm_start), np.zeros(len(arms), dtype=np.bool_)
+        for _ in range(round(_SETTLE_S / config.tick_s)):
+            self.world.step(*none)
+        self.world.ride()
+        for slot in range(n_slots):
+            self.world.set_car_aside(slot, aside(slot))
+        self._told = none
+        self._seen = self.world.contacts(), *self.world.contacts_of()
+        self._still_s = 0.0
+        self._state: bytes | None = None
+
+    @property
+    def asleep(self) -> bool:
+        """Whether nothing has moved for a while."""
+        return self._still_s >= self._config.still_s
+
+    def wake(self) -> None:
+        """Something may move from now on."""
+        self._still_s = 0.0
+        self._state = None
+
+    def step(self, commands: FloatArray, arm_q: FloatArray, arm_qd: FloatArray, grip: BoolArray) -> bool:
+        """Advance one tick, unless nothing moves and nothing is told anything new.
+
+        Args:
+            commands: Of all cars of the fleet, shape (n_cars, 2).
+            arm_q: Joint targets of all arms [rad], shape (n_arms, n_joints).
+            arm_qd: Joint velocities there [rad/s], same shape.
+            grip: Whether each holds, shape (n_arms,).
+
+        Returns:
+            Whether it was stepped.
+        """
+        here = self.car_in >= 0
+        own = np.zeros((len(here), 2))
+        own[here] = commands[self.car_in[here]]
+        told = own, arm_q[self.arms], arm_qd[self.arms], grip[self.arms]
+        if any(not np.array_equal(new, old) for new, old in zip(told, self._told, strict=True)):
+            self.wake()
+        elif self.asleep:
+            return False
+        self._told = told
+        self.world.step(*told)
+        self._state = None
+        self._still_s = self._still_s + self._config.tick_s if self.world.rests(self._config.slow) else 0.0
+        return True
+
+    def fresh_contacts(self) -> tuple[Contacts, IntArray, IntArray] | None:
+        """Contacts since this was asked last: all, of each slot's car, and of each arm; None if there were none."""
+        now, (of_slots, of_arms) = self.world.contacts(), self.world.contacts_of()
+        then, before_slots, before_arms = self._seen
+        if now == then:
+            return None
+        self._seen = now, of_slots, of_arms
+        fresh = Contacts(robot=now.robot - then.robot, static=now.static - then.static)
+        return fresh, of_slots - before_slots, of_arms - before_arms
+
+    def free_slot(self) -> int:
+        """A slot whose body is not used, -1 if all are."""
+        free = np.flatnonzero(self.car_in == _FREE)
+        return int(free[0]) if len(free) else -1
+
+    def enter(self, slot: int, car: int, pose: FloatArray, speed_mps: float, steering_rad: float) -> None:
+        """Let a free slot's body be a car, in the motion that it has.
+
+        Args:
+            slot: The slot.
+            car: Index in the fleet.
+            pose: Of its rear axle x, y, yaw, shape (3,).
+            speed_mps: Along its heading.
+            steering_rad: Angle of its bicycle.
+        """
+        self.wake()
+        self.world.enter_car(slot, pose, speed_mps, steering_rad)
+        self.car_in[slot] = car
+        self._tell_served()
+
+    def leave(self, slot: int) -> None:
+        """Put the body of a slot to sleep; its car goes on elsewhere."""
+        self.wake()
+        self.world.set_car_aside(slot, aside(slot))
+        self.car_in[slot] = _FREE
+        self._tell_served()
+
+    def serve(self, arm: int, car: int) -> None:
+        """Say which car's tray an arm may touch, both by their indices in the fleet."""
+        self._serving[int(np.searchsorted(self.arms, arm))] = car
+        self._tell_served()
+
+    def add_parcel(self, body: ParcelBody, velocity: FloatArray | None = None) -> None:
+        """Put a parcel into the region; see `BulletWorld.add_parcel`."""
+        self.wake()
+        self.world.add_parcel(body, velocity)
+        self.bodies[body.parcel] = body
+
+    def remove_parcel(self, parcel: int) -> ParcelBody:
+        """Take a parcel out; returns it with its present pose."""
+        self.wake()
+        row = int(np.searchsorted(self.world.parcel_ids(), parcel))
+        pose = self.world.parcel_poses()[row]
+        self.world.remove_parcel(parcel)
+        return replace(self.bodies.pop(parcel), pose=pose)
+
+    def in_tray(self, slot: int) -> list[int]:
+        """Ids of the parcels that lie in the tray of a slot's car and in nobody's grip."""
+        world, spec = self.world, self._spec
+        ids, poses, held = world.parcel_ids(), world.parcel_poses(), world.held()
+        x, y, yaw = world.car_poses()[slot]
+        c, s = np.cos(yaw), np.sin(yaw)
+        dx, dy = poses[:, 0] - x, poses[:, 1] - y
+        length, width, _ = spec.tray_size_m
+        inside = (np.abs(c * dx + s * dy - spec.tray_x_m) <= length / 2) & (np.abs(c * dy - s * dx) <= width / 2)
+        inside &= (poses[:, 2] >= spec.tray_floor_z_m) & ~np.isin(ids, held)
+        return [int(parcel) for parcel in ids[inside]]
+
+    def add_obstacle(self, obstacle: int, centre_m: FloatArray, half_m: FloatArray) -> None:
+        """Put a box up, if it reaches into the region, in place of an earlier one of the same id."""
+        self.remove_obstacle(obstacle)
+        if not reaches(self._base, centre_m, half_m, self._config.near_m):
+            return
+        self.wake()
+        self.world.add_obstacle(obstacle, centre_m, half_m)
+        self._obstacles.add(obstacle)
+
+    def remove_obstacle(self, obstacle: int) -> None:
+        """Take such a box down, if there is one."""
+        if obstacle in self._obstacles:
+            self.wake()
+            self.world.remove_obstacle(obstacle)
+            self._obstacles.remove(obstacle)
+
+    def state_bytes(self) -> bytes:
+        """The physical state, equal for equal states."""
+        if self._state is None:
+            self._state = self.car_in.tobytes() + self.world.state_bytes()
+        return self._state
+
+    def save(self, *, settle: bool) -> RegionSnapshot:
+        """Remember this moment."""
+        return RegionSnapshot(
+            world=self.world.save(settle=settle),
+            car_in=self.car_in.copy(),
+            still_s=self._still_s,
+            told=self._told,
+            bodies=dict(self.bodies),
+            obstacles=frozenset(self._obstacles),
+            state=self._state,
+        )
+
+    def load(self, snapshot: RegionSnapshot) -> None:
+        """Return to such a moment."""
+        self.world.load(snapshot.world)
+        self.car_in[:] = snapshot.car_in
+        self._still_s = snapshot.still_s
+        self._told = snapshot.told
+        self.bodies = dict(snapshot.bodies)
+        self._obstacles = set(snapshot.obstacles)
+        self._state = snapshot.state
+        self._seen = self.world.contacts(), *self.world.contacts_of()
+
+    def _tell_served(self) -> None:
+        """Arms serve bodies: those of the slots that their cars have."""
+        for arm, car in enumerate(self._serving.tolist()):
+            slots = np.flatnonzero(self.car_in == car) if car >= 0 else ()
+            self.world.set_serving(arm, int(slots[0]) if len(slots) else -1)
+
