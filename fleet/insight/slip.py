@@ -36,6 +36,8 @@ class _Carry:
     slip_m: float = 0.0
     most_m: float = 0.0
     turn_rad: float = 0.0
+    seen: tuple[bytes, bytes] = (b"", b"")
+    """Joint positions and pose of the parcel when it was measured last."""
 
 
 class SlipMeter:
@@ -68,10 +70,15 @@ class SlipMeter:
             arm, parcel = service.arm, service.parcel
             if held[arm] != parcel:
                 continue  # lost in this very tick: the arm is about to notice
-            place, turn = self._seen(arm, q[arm], poses[int(np.searchsorted(ids, parcel))])
+            pose = poses[int(np.searchsorted(ids, parcel))]
             carry = self._carries.get(arm)
+            seen = (q[arm].tobytes(), pose.tobytes())
+            if carry is not None and carry.seen == seen:
+                continue  # where nothing moves, nothing slips
+            place, turn = self._seen(arm, q[arm], pose)
             if carry is None:
                 carry = self._carries[arm] = _Carry(parcel=parcel, gripped=(place, turn))
+            carry.seen = seen
             carry.slip_m = float(np.linalg.norm(place - carry.gripped[0]))
             carry.most_m = max(carry.most_m, carry.slip_m)
             carry.turn_rad = float((turn * carry.gripped[1].inv()).magnitude())

@@ -25,7 +25,6 @@ class RegionSnapshot:
     world: object
     car_in: IntArray
     still_s: float
-    told: tuple[FloatArray, FloatArray, FloatArray, BoolArray]
     bodies: dict[int, ParcelBody]
     obstacles: frozenset[int]
     state: bytes | None
@@ -73,7 +72,6 @@ class Region:
         self.world.ride()
         for slot in range(n_slots):
             self.world.set_car_aside(slot, aside(slot))
-        self._told = none
         self._seen = self.world.contacts(), *self.world.contacts_of()
         self._still_s = 0.0
         self._state: bytes | None = None
@@ -88,31 +86,21 @@ class Region:
         self._still_s = 0.0
         self._state = None
 
-    def step(self, commands: FloatArray, arm_q: FloatArray, arm_qd: FloatArray, grip: BoolArray) -> bool:
-        """Advance one tick, unless nothing moves and nothing is told anything new.
+    def step(self, commands: FloatArray, arm_q: FloatArray, arm_qd: FloatArray, grip: BoolArray) -> None:
+        """Advance one tick.
 
         Args:
             commands: Of all cars of the fleet, shape (n_cars, 2).
             arm_q: Joint targets of all arms [rad], shape (n_arms, n_joints).
             arm_qd: Joint velocities there [rad/s], same shape.
             grip: Whether each holds, shape (n_arms,).
-
-        Returns:
-            Whether it was stepped.
         """
         here = self.car_in >= 0
         own = np.zeros((len(here), 2))
         own[here] = commands[self.car_in[here]]
-        told = own, arm_q[self.arms], arm_qd[self.arms], grip[self.arms]
-        if any(not np.array_equal(new, old) for new, old in zip(told, self._told, strict=True)):
-            self.wake()
-        elif self.asleep:
-            return False
-        self._told = told
-        self.world.step(*told)
+        self.world.step(own, arm_q[self.arms], arm_qd[self.arms], grip[self.arms])
         self._state = None
         self._still_s = self._still_s + self._config.tick_s if self.world.rests(self._config.slow) else 0.0
-        return True
 
     def fresh_contacts(self) -> tuple[Contacts, IntArray, IntArray] | None:
         """Contacts since this was asked last: all, of each slot's car, and of each arm; None if there were none."""
@@ -210,7 +198,6 @@ class Region:
             world=self.world.save(settle=settle),
             car_in=self.car_in.copy(),
             still_s=self._still_s,
-            told=self._told,
             bodies=dict(self.bodies),
             obstacles=frozenset(self._obstacles),
             state=self._state,
@@ -221,7 +208,6 @@ class Region:
         self.world.load(snapshot.world)
         self.car_in[:] = snapshot.car_in
         self._still_s = snapshot.still_s
-        self._told = snapshot.told
         self.bodies = dict(snapshot.bodies)
         self._obstacles = set(snapshot.obstacles)
         self._state = snapshot.state

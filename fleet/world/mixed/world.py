@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -41,6 +42,24 @@ class MixedSnapshot:
     region_of: IntArray
     slot_of: IntArray
     counts: tuple[Contacts, IntArray, IntArray]
+    told: _Told
+
+
+class _Told(NamedTuple):
+    """What robots were told in the last tick."""
+
+    cars: FloatArray
+    """Steering [rad] and speed [m/s], shape (n_cars, 2)."""
+    q: FloatArray
+    """Joint targets [rad], shape (n_arms, n_joints)."""
+    qd: FloatArray
+    """Joint velocities there [rad/s], same shape."""
+    grip: BoolArray
+    """Shape (n_arms,)."""
+
+    def copy(self) -> _Told:
+        """A copy of its own."""
+        return _Told(*(part.copy() for part in self))
 
 
 class MixedWorld:
@@ -89,6 +108,12 @@ class MixedWorld:
         self._q = np.array(scene.arm_start, dtype=np.float64).reshape(self._arms.q.shape)
         self._qd = np.zeros_like(self._q)
         self._held = np.full(self.n_arms, -1, dtype=np.int64)
+        self._told = _Told(
+            cars=np.full((self.n_cars, 2), np.nan),
+            q=np.full_like(self._q, np.nan),
+            qd=np.full_like(self._q, np.nan),
+            grip=np.zeros(self.n_arms, dtype=np.bool_),
+        )
         self._ids = np.zeros(0, dtype=np.int64)
         self._loose_parcels = PlanarParcels(scene.boxes, scene.car, 0)
         self._no_tips, self._no_grip = np.zeros((0, 7)), np.zeros(0, dtype=np.bool_)
@@ -117,8 +142,10 @@ class MixedWorld:
         kept = cars.poses[inside], cars.speeds[inside], cars.steering[inside]
         cars.step(car_commands)
         cars.poses[inside], cars.speeds[inside], cars.steering[inside] = kept
+        self._wake(inside, car_commands, arm_q, arm_qd, grip)
         for number, region in enumerate(self._regions):
-            if region.step(car_commands, arm_q, arm_qd, grip):
+            if not region.asleep:
+                region.step(car_commands, arm_q, arm_qd, grip)
                 self._read(number)
         if len(self._loose_parcels.ids):
             self._loose_parcels.update(cars.poses, self._no_tips, self._no_grip)
@@ -313,6 +340,7 @@ class MixedWorld:
             region_of=self._region_of.copy(),
             slot_of=self._slot_of.copy(),
             counts=(replace(self._counts), self._of_cars.copy(), self._of_arms.copy()),
+            told=self._told.copy(),
         )
 
     def load(self, snapshot: object) -> None:
@@ -335,6 +363,7 @@ class MixedWorld:
         self._region_of[:], self._slot_of[:] = snapshot.region_of, snapshot.slot_of
         counts, of_cars, of_arms = snapshot.counts
         self._counts = replace(counts)
+        self._told = snapshot.told.copy()
         self._of_cars[:], self._of_arms[:] = of_cars, of_arms
         self._parcels_changed()
 
@@ -373,6 +402,17 @@ class MixedWorld:
         for car in moves:
             if self._wanted[car] >= 0:
                 self._hand_in(car, int(self._wanted[car]))
+
+    def _wake(
+        self, inside: IntArray, commands: FloatArray, arm_q: FloatArray, arm_qd: FloatArray, grip: BoolArray
+    ) -> None:
+        """Wake the regions in which a robot is told something else than in the last tick."""
+        told = self._told
+        arms = (told.q != arm_q).any(axis=1) | (told.qd != arm_qd).any(axis=1) | (told.grip != grip)
+        cars = inside[(told.cars[inside] != commands[inside]).any(axis=1)]
+        for number in {*self._region_of_arm[arms].tolist(), *self._region_of[cars].tolist()}:
+            self._regions[number].wake()
+        told.cars[:], told.q[:], told.qd[:], told.grip[:] = commands, arm_q, arm_qd, grip
 
     def _hand_in(self, car: int, number: int) -> None:
         """Give a car to a region, if that has a body for it; else it is tried again in the next tick."""
@@ -451,19 +491,19 @@ class MixedWorld:
         if not np.array_equal(ids, self._ids):
             self._ids = ids
         self._poses = np.zeros((len(ids), 7))
+        self._radii = np.zeros(len(ids))
         self._loose_rows = np.searchsorted(ids, loose.ids)
         self._rows = [np.searchsorted(ids, part) for part in parts]
         for region, rows in zip(self._regions, self._rows, strict=True):
             self._poses[rows] = region.world.parcel_poses()
+            self._radii[rows] = [math.hypot(*region.bodies[parcel].size_m) / 2.0 for parcel in self._ids[rows].tolist()]
 
     def _held_spheres(self) -> FloatArray:
         """Centre and radius of a ball round each tool's parcel, radius -1 for none, shape (n_arms, 4)."""
         spheres = np.full((self.n_arms, 4), -1.0)
-        for arm in np.flatnonzero(self._held >= 0).tolist():
-            parcel = int(self._held[arm])
-            body = self._regions[self._region_of_arm[arm]].bodies[parcel]
-            spheres[arm, :3] = self._poses[int(np.searchsorted(self._ids, parcel)), :3]
-            spheres[arm, 3] = math.hypot(*body.size_m) / 2.0
+        holding = np.flatnonzero(self._held >= 0)
+        rows = np.searchsorted(self._ids, self._held[holding])
+        spheres[holding, :3], spheres[holding, 3] = self._poses[rows, :3], self._radii[rows]
         return spheres
 
     def _region_at(self, xy: FloatArray, within_m: float) -> Region | None:
