@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+from numba import njit
 
 from fleet.arrays import FloatArray
 from fleet.robots.spec import ArmSpec
 from fleet.stations.arms.arm_controller import ArmController
 from fleet.world.protocol import World
-from planners.motion.arm.kinematics import link_frames
+from planners.motion.arm.kinematics import link_frames_into
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,7 +33,7 @@ class Slip:
 @dataclass(kw_only=True)
 class _Carry:
     parcel: int
-    gripped: tuple[FloatArray, Rotation]
+    gripped: FloatArray
     slip_m: float = 0.0
     most_m: float = 0.0
     turn_rad: float = 0.0
@@ -55,7 +56,8 @@ class SlipMeter:
         self.slips: list[Slip] = []
         """All carries so far."""
         self._spec = spec
-        self._base = [(pose[:3], Rotation.from_euler("z", pose[3])) for pose in np.asarray(base).reshape(-1, 4)]
+        self._base = np.asarray(base, dtype=np.float64).reshape(-1, 4)
+        self._frames = np.zeros((spec.n_joints + 1, 3, 4))
         self._carries: dict[int, _Carry] = {}
 
     def tick(self, services: Sequence[ArmController], world: World) -> None:
@@ -75,24 +77,44 @@ class SlipMeter:
             seen = (q[arm].tobytes(), pose.tobytes())
             if carry is not None and carry.seen == seen:
                 continue  # where nothing moves, nothing slips
-            place, turn = self._seen(arm, q[arm], pose)
+            now = np.empty((3, 4))
+            _seen_from_link(self._spec.joints, q[arm], self._base[arm], pose, self._frames, now)
             if carry is None:
-                carry = self._carries[arm] = _Carry(parcel=parcel, gripped=(place, turn))
+                carry = self._carries[arm] = _Carry(parcel=parcel, gripped=now)
             carry.seen = seen
-            carry.slip_m = float(np.linalg.norm(place - carry.gripped[0]))
+            carry.slip_m = float(np.linalg.norm(now[:, 3] - carry.gripped[:, 3]))
             carry.most_m = max(carry.most_m, carry.slip_m)
-            carry.turn_rad = float((turn * carry.gripped[1].inv()).magnitude())
-
-    def _seen(self, arm: int, q: FloatArray, pose: FloatArray) -> tuple[FloatArray, Rotation]:
-        """Place and orientation of a parcel in the frame of an arm's last link."""
-        flange = link_frames(self._spec.base_from_joint, q)[-1]
-        origin, base = self._base[arm]
-        link = Rotation.from_matrix(flange[:3, :3])
-        place = (base * link).inv().apply(pose[:3] - origin - base.apply(flange[:3, 3]))
-        return place, (base * link).inv() * Rotation.from_quat(pose[3:])
+            # Two rotations by an angle a apart differ by 2 sqrt(2) sin(a / 2) in the sum of squares.
+            apart = float(np.linalg.norm(now[:, :3] - carry.gripped[:, :3])) / math.sqrt(8.0)
+            carry.turn_rad = 2.0 * math.asin(min(apart, 1.0))
 
     def _end(self, arm: int) -> None:
         carry = self._carries.pop(arm)
         self.slips.append(
             Slip(arm=arm, parcel=carry.parcel, slip_m=carry.slip_m, most_m=carry.most_m, turn_rad=carry.turn_rad)
         )
+
+
+@njit(cache=True)
+def _seen_from_link(
+    joints: FloatArray, q: FloatArray, base: FloatArray, pose: FloatArray, frames: FloatArray, seen: FloatArray
+) -> None:
+    """Fill in the frame of a parcel as seen from an arm's last link, shape (3, 4)."""
+    link_frames_into(joints, q, frames)
+    link = frames[-1]
+    cos, sin = math.cos(base[3]), math.sin(base[3])
+    x, y, z, w = pose[3], pose[4], pose[5], pose[6]
+    world = np.empty((3, 4))
+    world[0, 0], world[0, 1], world[0, 2] = 1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)
+    world[1, 0], world[1, 1], world[1, 2] = 2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)
+    world[2, 0], world[2, 1], world[2, 2] = 2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)
+    for axis in range(3):
+        world[axis, 3] = pose[axis] - base[axis]
+    for col in range(4):
+        # From the world's axes to those of the arm's base, then to those of the link.
+        u, v = cos * world[0, col] + sin * world[1, col], cos * world[1, col] - sin * world[0, col]
+        t = world[2, col]
+        if col == 3:
+            u, v, t = u - link[0, 3], v - link[1, 3], t - link[2, 3]
+        for row in range(3):
+            seen[row, col] = link[0, row] * u + link[1, row] * v + link[2, row] * t
