@@ -78,6 +78,9 @@ class RunConfig(Settings):
             object.__setattr__(self, name, kind(value))
         seen = self.perception is Perception.TRUTH or self.fidelity.has_contact
         require(seen, "--perception", str(self.perception), "truth, or camera with --fidelity physics or mixed")
+        apart = self.fidelity is not Fidelity.MIXED or self.connect is Connect.DIRECT
+        valid = "DIRECT with --fidelity mixed, where every region has an engine of its own"
+        require(apart, "connect", str(self.connect), valid)
         require(self.robots >= 1, "--robots", self.robots, "an integer >= 1")
         fits = self.tasks is None or 1 <= self.tasks <= MOST_TASKS
         require(fits, "--tasks", self.tasks, f"an integer from 1 to {MOST_TASKS}")

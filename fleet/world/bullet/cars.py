@@ -18,7 +18,7 @@ from fleet.robots.spec import WHEELS, CarSpec
 from fleet.world.bullet.ackermann import Ackermann
 from fleet.world.bullet.engine import groups
 from fleet.world.bullet.engine.client import Client
-from fleet.world.bullet.engine.frames import quaternion, rotation, rotation_into
+from fleet.world.bullet.engine.frames import quaternion, rotation, rotation_into, turned
 from fleet.world.bullet.engine.urdf_text import without_visuals
 
 # Torques of the wheel motors: 2 m/s^2 with a full tray needs 0.21 Nm; the brake locks the wheel, so that grip decides.
@@ -333,8 +333,7 @@ class Cars:
         place, quat = client.getBasePositionAndOrientation(self.bodies[0])
         turn = rotation(np.array(quat))
         yaw = math.atan2(turn[1, 0], turn[0, 0])
-        lean = client.multiplyTransforms((0, 0, 0), quaternion(-yaw), (0, 0, 0), quat)[1]
-        self._ride = (place[2] - float((turn @ self._com)[2]), lean)
+        self._ride = (place[2] - float((turn @ self._com)[2]), turned(-yaw, quat))
 
     def set_aside(self, car: int, pose: FloatArray) -> None:
         """Take a car out of all that happens: it sleeps at a place, which costs next to nothing.
@@ -348,11 +347,13 @@ class Cars:
         self._pushes.pop(car, None)
         self._move(car, pose, 0.0, 0.0)
         self._aside[car] = True
-        self.rouse()
+        self._sleep(car)
         self.now = self.reading()
 
     def enter(self, car: int, pose: FloatArray, speed: float, steering: float) -> None:
         """Let a car that was set aside drive on from some motion, its wheels rolling as that asks for.
+
+        The engine stands a body still in the first step after its sleep: one that is to move was roused before that.
 
         Args:
             car: Index.
@@ -361,21 +362,21 @@ class Cars:
             steering: Angle of the bicycle [rad].
         """
         self._aside[car] = False
-        self.rouse()
+        self.rouse(car)
         self._move(car, pose, speed, steering)
         self._sent[car] = np.nan
         self.now = self.reading()
 
-    def rouse(self) -> None:
-        """Let the engine know which cars are set aside; its snapshots do not hold that."""
-        client = self._client
-        for body, aside in zip(self.bodies, self._aside.tolist(), strict=True):
-            if aside:
-                client.changeDynamics(body, -1, activationState=client.ACTIVATION_STATE_ENABLE_SLEEPING)
-                client.changeDynamics(body, -1, activationState=client.ACTIVATION_STATE_SLEEP)
-            else:
-                client.changeDynamics(body, -1, activationState=client.ACTIVATION_STATE_WAKE_UP)
-                client.changeDynamics(body, -1, activationState=client.ACTIVATION_STATE_DISABLE_SLEEPING)
+    def rouse(self, car: int) -> None:
+        """Wake a car that was set aside."""
+        client, body = self._client, self.bodies[car]
+        client.changeDynamics(body, -1, activationState=client.ACTIVATION_STATE_WAKE_UP)
+        client.changeDynamics(body, -1, activationState=client.ACTIVATION_STATE_DISABLE_SLEEPING)
+
+    def _sleep(self, car: int) -> None:
+        client, body = self._client, self.bodies[car]
+        client.changeDynamics(body, -1, activationState=client.ACTIVATION_STATE_ENABLE_SLEEPING)
+        client.changeDynamics(body, -1, activationState=client.ACTIVATION_STATE_SLEEP)
 
     @property
     def rest(self) -> bool:
@@ -386,7 +387,7 @@ class Cars:
         """Put a car at a pose, in motion."""
         client, body = self._client, self.bodies[car]
         height, lean = self._ride
-        quat = client.multiplyTransforms((0, 0, 0), quaternion(float(pose[2])), (0, 0, 0), lean)[1]
+        quat = turned(float(pose[2]), lean)
         turn = rotation(np.array(quat))
         arm = turn @ self._com
         client.resetBasePositionAndOrientation(
@@ -418,8 +419,10 @@ class Cars:
         self._sent, self._pushes = memory.sent, memory.pushes
         self._parked, self._parked_at = memory.parked, memory.parked_at
         if (memory.aside | self._aside).any():
+            # The engine's snapshots do not hold who sleeps.
             self._aside = memory.aside
-            self.rouse()
+            for car, aside in enumerate(self._aside.tolist()):
+                (self._sleep if aside else self.rouse)(car)
         self._unset[:] = True
         for car, parked in enumerate(self._parked.tolist() if self._brakes else []):
             self._hold(car, on=parked)

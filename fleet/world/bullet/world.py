@@ -268,6 +268,10 @@ class BulletWorld:
         self._cars.set_aside(car, pose)
         self._near = self._measure()
 
+    def rouse_car(self, car: int) -> None:
+        """Wake a car that was set aside, a tick before it enters in motion."""
+        self._cars.rouse(car)
+
     def enter_car(self, car: int, pose: FloatArray, speed_mps: float, steering_rad: float) -> None:
         """Let a car that was set aside drive on from a motion; the pose is that of its rear axle, shape (3,)."""
         self._cars.enter(car, pose, speed_mps, steering_rad)

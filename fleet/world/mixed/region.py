@@ -16,6 +16,7 @@ from fleet.world.scene import Scene
 
 _SETTLE_S = 0.5
 _FREE = -1
+_ROUSED_TICKS = 3
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,6 +76,7 @@ class Region:
         self._seen = self.world.contacts(), *self.world.contacts_of()
         self._still_s = 0.0
         self._state: bytes | None = None
+        self._roused, self._roused_for = _FREE, 0
 
     @property
     def asleep(self) -> bool:
@@ -100,6 +102,11 @@ class Region:
         own[here] = commands[self.car_in[here]]
         self.world.step(own, arm_q[self.arms], arm_qd[self.arms], grip[self.arms])
         self._state = None
+        if self._roused >= 0:
+            self._roused_for += 1
+            if self._roused_for > _ROUSED_TICKS:  # its car has turned away
+                self.world.set_car_aside(self._roused, aside(self._roused))
+                self._roused = _FREE
         self._still_s = self._still_s + self._config.tick_s if self.world.rests(self._config.slow) else 0.0
 
     def fresh_contacts(self) -> tuple[Contacts, IntArray, IntArray] | None:
@@ -112,10 +119,24 @@ class Region:
         fresh = Contacts(robot=now.robot - then.robot, static=now.static - then.static)
         return fresh, of_slots - before_slots, of_arms - before_arms
 
-    def free_slot(self) -> int:
-        """A slot whose body is not used, -1 if all are."""
+    def free_slot(self, *, moving: bool) -> int:
+        """A slot whose body is not used, -1 if there is none yet.
+
+        Args:
+            moving: It is for a car that moves; such a body has to be awake, and is so in the next tick.
+        """
+        if self._roused >= 0:
+            return self._roused
         free = np.flatnonzero(self.car_in == _FREE)
-        return int(free[0]) if len(free) else -1
+        if not len(free):
+            return -1
+        slot = int(free[0])
+        if not moving:
+            return slot
+        self.wake()
+        self.world.rouse_car(slot)
+        self._roused, self._roused_for = slot, 0
+        return -1
 
     def enter(self, slot: int, car: int, pose: FloatArray, speed_mps: float, steering_rad: float) -> None:
         """Let a free slot's body be a car, in the motion that it has.
@@ -128,6 +149,8 @@ class Region:
             steering_rad: Angle of its bicycle.
         """
         self.wake()
+        if slot == self._roused:
+            self._roused = _FREE
         self.world.enter_car(slot, pose, speed_mps, steering_rad)
         self.car_in[slot] = car
         self._tell_served()
@@ -194,6 +217,9 @@ class Region:
 
     def save(self, *, settle: bool) -> RegionSnapshot:
         """Remember this moment."""
+        if self._roused >= 0:
+            self.world.set_car_aside(self._roused, aside(self._roused))
+            self._roused = _FREE
         return RegionSnapshot(
             world=self.world.save(settle=settle),
             car_in=self.car_in.copy(),
@@ -207,6 +233,7 @@ class Region:
         """Return to such a moment."""
         self.world.load(snapshot.world)
         self.car_in[:] = snapshot.car_in
+        self._roused = _FREE
         self._still_s = snapshot.still_s
         self.bodies = dict(snapshot.bodies)
         self._obstacles = set(snapshot.obstacles)

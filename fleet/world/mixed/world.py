@@ -378,6 +378,14 @@ class MixedWorld:
         for region in self._regions:
             region.world.close()
 
+    def regions(self) -> IntArray:
+        """The region that each car is in, -1 for none, shape (n_cars,)."""
+        return self._region_of.copy()
+
+    def n_awake(self) -> int:
+        """Number of regions in which something moves, or may."""
+        return sum(not region.asleep for region in self._regions)
+
     # --- cars that come to arms, and go
 
     def _hand_over(self) -> None:
@@ -417,10 +425,10 @@ class MixedWorld:
     def _hand_in(self, car: int, number: int) -> None:
         """Give a car to a region, if that has a body for it; else it is tried again in the next tick."""
         region, cars = self._regions[number], self._cars
-        slot = region.free_slot()
+        speed, steering = float(cars.speeds[car]), float(cars.steering[car])
+        slot = region.free_slot(moving=speed != 0.0)
         if slot < 0:
             return
-        speed, steering = float(cars.speeds[car]), float(cars.steering[car])
         region.enter(slot, car, cars.poses[car], speed, steering)
         self._region_of[car], self._slot_of[car] = number, slot
         for parcel in self._loose_parcels.on_car(car):

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
+
 import numpy as np
 from numba import njit
 
@@ -42,6 +45,13 @@ def rotation_into(quat: FloatArray, turn: FloatArray) -> None:
     turn[2, 0] = 2 * (x * z - y * w)
     turn[2, 1] = 2 * (y * z + x * w)
     turn[2, 2] = 1 - 2 * (x * x + y * y)
+
+
+def turned(yaw: float, quat_xyzw: Sequence[float]) -> tuple[float, float, float, float]:
+    """Turn an orientation by a heading [rad] about the world's z; exact to the last bits, which the engine's is not."""
+    c, s = math.cos(yaw / 2), math.sin(yaw / 2)
+    x, y, z, w = quat_xyzw
+    return c * x - s * y, c * y + s * x, c * z + s * w, c * w - s * z
 
 
 def quaternion(yaw: float) -> tuple[float, float, float, float]:
