@@ -34,6 +34,8 @@ class MotorSteps:
     """A "physics step" is a whole tick, of which the engine makes many steps by itself."""
     limit_share: float = 1.0
     """Part of their limits that motors are given; see `BulletConfig`."""
+    cubic: bool = False
+    """Between set-points joints go along cubics, without a jump; else with constant acceleration."""
 
 
 class _Targets(NamedTuple):
@@ -49,6 +51,10 @@ class _Targets(NamedTuple):
     """Whether an arm that rests needs no more telling, shape (m,)."""
     moving: BoolArray
     """Whether each arm moves or is told to, shape (m,)."""
+    from_q: FloatArray
+    """Joint positions at the beginning of the tick [rad], shape (m, n_joints)."""
+    from_qd: FloatArray
+    """Joint velocities there [rad/s], shape (m, n_joints)."""
 
 
 class Arms:
@@ -110,6 +116,8 @@ class Arms:
             acceleration=np.zeros_like(self.q),
             held=np.full(n, not steps.at_once),
             moving=np.ones(n, dtype=np.bool_),
+            from_q=np.zeros_like(self.q),
+            from_qd=np.zeros_like(self.q),
         )
         self._turns = np.zeros_like(self.q)
         self._active = np.zeros(0, dtype=np.int64)
@@ -131,6 +139,10 @@ class Arms:
             qd: Joint velocities there [rad/s], same shape.
         """
         tick_s = self._steps.n * self._steps.length_s
+        if self._steps.cubic:
+            known = np.isfinite(self._targets.q)
+            self._targets.from_q[:] = np.where(known, self._targets.q, self.q)
+            self._targets.from_qd[:] = np.where(known, self._targets.qd, 0.0)
         active = np.empty(len(self.bodies), dtype=np.int64)
         n = _aim(self._targets, q, qd, self.qd, tick_s, active)
         self._active = active[:n]
@@ -151,8 +163,11 @@ class Arms:
         left = (self._steps.n - substep) * step_s
         client, targets = self._client, self._targets
         for arm in self._active.tolist():
-            qd = targets.qd[arm] - targets.acceleration[arm] * (left - step_s / 2)
-            q = targets.q[arm] - targets.qd[arm] * left + targets.acceleration[arm] * (left * left / 2)
+            if self._steps.cubic:
+                q, qd = self._on_cubic(arm, substep)
+            else:
+                qd = targets.qd[arm] - targets.acceleration[arm] * (left - step_s / 2)
+                q = targets.q[arm] - targets.qd[arm] * left + targets.acceleration[arm] * (left * left / 2)
             client.setJointMotorControlArray(
                 self.bodies[arm],
                 self._joints,
@@ -163,6 +178,17 @@ class Arms:
                 positionGains=self._gains,
                 velocityGains=self._unit,
             )
+
+    def _on_cubic(self, arm: int, substep: int) -> tuple[FloatArray, FloatArray]:
+        """Positions where a physics step begins and velocities in its middle, on cubics between set-points."""
+        targets, n = self._targets, self._steps.n
+        tick_s = n * self._steps.length_s
+        u, m = substep / n, (substep + 0.5) / n
+        way = targets.q[arm] - targets.from_q[arm]
+        first, last = targets.from_qd[arm] * tick_s, targets.qd[arm] * tick_s
+        square, cube = 3.0 * way - 2.0 * first - last, first + last - 2.0 * way
+        q = targets.from_q[arm] + u * (first + u * (square + u * cube))
+        return q, (first + m * (2.0 * square + m * 3.0 * cube)) / tick_s
 
     def _turn(self) -> None:
         """Let the moving arms turn so fast that they come to their set-points within the tick, or hold them there."""
@@ -232,7 +258,7 @@ def _aim(targets: _Targets, q: FloatArray, qd: FloatArray, speeds: FloatArray, t
 
     A resting arm keeps its motors' targets: nothing to send once it was told to stand there.
     """
-    goal_q, goal_qd, acceleration, held, moving = targets
+    goal_q, goal_qd, acceleration, held, moving, _, _ = targets
     n = 0
     for arm in range(len(q)):
         known = not np.isnan(goal_q[arm, 0])
@@ -252,7 +278,7 @@ def _aim(targets: _Targets, q: FloatArray, qd: FloatArray, speeds: FloatArray, t
 @njit(cache=True)
 def _speeds(targets: _Targets, active: IntArray, q: FloatArray, tick: float, speeds: FloatArray) -> None:
     """Fill in the speeds that lead active arms to their set-points; one that should rest where it is, is held there."""
-    goal_q, goal_qd, _, held, _ = targets
+    goal_q, goal_qd, _, held, _, _, _ = targets
     for arm in active:
         held[arm] = True
         for j in range(q.shape[1]):

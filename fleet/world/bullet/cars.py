@@ -243,13 +243,15 @@ class Cars:
 
     def reading(self) -> CarReading:
         """Ask the engine where the cars are, and how they move."""
-        n = len(self.bodies)
+        present = np.flatnonzero(~self._aside)
+        n = len(present)
         if not n:
             return self.now
         client = self._client
         pose, velocity, joints = client.getBasePositionAndOrientation, client.getBaseVelocity, client.getJointStates
         numbers: list[float] = []
-        for body in self.bodies:
+        for car in present.tolist():
+            body = self.bodies[car]
             place, quat = pose(body)
             left, right = joints(body, self._hinges)
             numbers += (*place, *quat, *velocity(body)[0], left[0], right[0])
@@ -260,8 +262,20 @@ class Cars:
         yaws = np.arctan2(turns[:, 1, 0], turns[:, 0, 0])
         top_speed = _read(states, turns @ self._com, turns, yaws, poses, speeds, frames)
         steering = self._ackermann.bicycles(angles)
-        return CarReading(
+        now = CarReading(
             poses=poses, speeds=speeds, steering=steering, centres=states[:, :2], top_speed=top_speed, frames=frames
+        )
+        return now if n == len(self.bodies) else self._with_asides(now, present)
+
+    def _with_asides(self, now: CarReading, present: IntArray) -> CarReading:
+        """Put what was read of the cars that are not aside between what is known of the others."""
+        before = self.now
+        poses, speeds, steering = before.poses.copy(), np.zeros(len(before.speeds)), np.zeros(len(before.steering))
+        centres, frames = before.centres.copy(), before.frames.copy()
+        poses[present], speeds[present], steering[present] = now.poses, now.speeds, now.steering
+        centres[present], frames[present] = now.centres, now.frames
+        return CarReading(
+            poses=poses, speeds=speeds, steering=steering, centres=centres, top_speed=now.top_speed, frames=frames
         )
 
     def state(self) -> list[float]:
@@ -346,9 +360,9 @@ class Cars:
             self._release(np.array([car]))
         self._pushes.pop(car, None)
         self._move(car, pose, 0.0, 0.0)
+        self.now = self.reading()
         self._aside[car] = True
         self._sleep(car)
-        self.now = self.reading()
 
     def enter(self, car: int, pose: FloatArray, speed: float, steering: float) -> None:
         """Let a car that was set aside drive on from some motion, its wheels rolling as that asks for.

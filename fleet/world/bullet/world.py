@@ -127,7 +127,13 @@ class BulletWorld:
                     scene.arm_base,
                     scene.arm_start,
                     tool,
-                    MotorSteps(n=config.n_calls, length_s=call_s, at_once=at_once, limit_share=config.limit_share),
+                    MotorSteps(
+                        n=config.n_calls,
+                        length_s=call_s,
+                        at_once=at_once,
+                        limit_share=config.limit_share,
+                        cubic=config.substeps_n is not None,
+                    ),
                 )
                 self._parcels = Parcels(client, anchored=config.grip is Grip.FRICTION)
                 self._monitor = ContactMonitor(client, scene.car, self._cars.bodies, self._arms.bodies, call_s)

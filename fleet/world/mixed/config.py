@@ -16,7 +16,7 @@ class MixedConfig:
     """Most force of a cup, or of each finger [N]; None = the tool's."""
     images: bool = True
     """Whether cars are seen in images, for which each takes 5 MB."""
-    tick_s: float = 1 / 60
+    tick_s: float = 1 / 30
     """Length of one tick [s], that of physics: with 0.05 s arms follow their set-points ten times as coarsely, and
     parcels slip by 0.2 mm instead of 0.02 mm."""
     car_substep_s: float = 0.0125

@@ -24,7 +24,11 @@ class BulletConfig:
     grip_force_n: float | None = None
     """Most force of a cup, less for light parcels (see `SuctionGrip`), or of each finger [N]; None = the tool's."""
     substeps_n: int | None = None
-    """Physics steps per tick; None = what a tick of 1/60 s needs, see `n_substeps`."""
+    """Physics steps per tick; None = what a tick of 1/60 s needs, see `n_substeps`.
+
+    Longer ticks have more of them. Arms then go from set-point to set-point along cubics: with constant accelerations
+    they jump where a set-point's tick begins, by a thousandth of a radian at 1/30 s.
+    """
     visuals: bool = True
     """Whether cars can be seen in images; without it one takes 5 MB less."""
     n_steps_per_call: int | None = None
