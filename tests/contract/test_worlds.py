@@ -84,7 +84,9 @@ CASES = {
     "bullet": Case(make=lambda: BulletWorld(scene(), BulletConfig()), go=steer),
 }
 ABSENT = pytest.mark.skipif(BulletWorld is None, reason="needs pybullet")
-PARAMS = [pytest.param(name, marks=[pytest.mark.bullet, ABSENT] if name in ("mixed", "bullet") else []) for name in CASES]
+PARAMS = [
+    pytest.param(name, marks=[pytest.mark.bullet, ABSENT] if name in ("mixed", "bullet") else []) for name in CASES
+]
 
 
 @pytest.fixture(params=PARAMS)

@@ -342,7 +342,7 @@ class Cars:
             client.resetJointState(body, joint, 0.0, 0.0)
 
     def note_ride(self) -> None:
-        """Remember how high the first car stands on its wheels, and how it leans, for `enter`; it has to stand still."""
+        """Remember how high the first car stands on its wheels, and how it leans, for `enter`; it must stand."""
         client = self._client
         place, quat = client.getBasePositionAndOrientation(self.bodies[0])
         turn = rotation(np.array(quat))

@@ -67,13 +67,14 @@ class Region:
         self.bodies: dict[int, ParcelBody] = {}
         self._obstacles: set[int] = set()
         self._serving = np.full(len(arms), -1, dtype=np.int64)
-        none = np.zeros((n_slots, 2)), part.arm_start, np.zeros_like(part.arm_start), np.zeros(len(arms), dtype=np.bool_)
+        still = np.zeros_like(part.arm_start)
+        none = np.zeros((n_slots, 2)), part.arm_start, still, np.zeros(len(arms), dtype=np.bool_)
         for _ in range(round(_SETTLE_S / config.tick_s)):
             self.world.step(*none)
         self.world.ride()
         for slot in range(n_slots):
             self.world.set_car_aside(slot, aside(slot))
-        self._seen = self.world.contacts(), *self.world.contacts_of()
+        self._seen = (self.world.contacts(), *self.world.contacts_of())
         self._still_s = 0.0
         self._state: bytes | None = None
         self._roused, self._roused_for = _FREE, 0
@@ -111,10 +112,11 @@ class Region:
 
     def fresh_contacts(self) -> tuple[Contacts, IntArray, IntArray] | None:
         """Contacts since this was asked last: all, of each slot's car, and of each arm; None if there were none."""
-        now, (of_slots, of_arms) = self.world.contacts(), self.world.contacts_of()
+        now = self.world.contacts()
         then, before_slots, before_arms = self._seen
         if now == then:
             return None
+        of_slots, of_arms = self.world.contacts_of()
         self._seen = now, of_slots, of_arms
         fresh = Contacts(robot=now.robot - then.robot, static=now.static - then.static)
         return fresh, of_slots - before_slots, of_arms - before_arms
@@ -238,11 +240,10 @@ class Region:
         self.bodies = dict(snapshot.bodies)
         self._obstacles = set(snapshot.obstacles)
         self._state = snapshot.state
-        self._seen = self.world.contacts(), *self.world.contacts_of()
+        self._seen = (self.world.contacts(), *self.world.contacts_of())
 
     def _tell_served(self) -> None:
         """Arms serve bodies: those of the slots that their cars have."""
         for arm, car in enumerate(self._serving.tolist()):
-            slots = np.flatnonzero(self.car_in == car) if car >= 0 else ()
-            self.world.set_serving(arm, int(slots[0]) if len(slots) else -1)
-
+            here = self.car_in == car
+            self.world.set_serving(arm, int(here.argmax()) if car >= 0 and here.any() else -1)

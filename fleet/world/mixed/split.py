@@ -67,5 +67,3 @@ def reaches(base: FloatArray, centre_m: FloatArray, half_m: FloatArray, near_m: 
     """Whether a box comes nearer to one of some arms' bases than `near_m`, seen from above."""
     gap = np.maximum(np.abs(base[:, :2] - centre_m[:2]) - half_m[:2], 0.0)
     return bool((np.hypot(gap[:, 0], gap[:, 1]) <= near_m).any())
-
-

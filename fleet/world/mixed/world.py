@@ -59,7 +59,7 @@ class _Told(NamedTuple):
 
     def copy(self) -> _Told:
         """A copy of its own."""
-        return _Told(*(part.copy() for part in self))
+        return _Told(cars=self.cars.copy(), q=self.q.copy(), qd=self.qd.copy(), grip=self.grip.copy())
 
 
 class MixedWorld:
@@ -238,7 +238,7 @@ class MixedWorld:
             region.remove_obstacle(obstacle)
 
     def push_car(self, car: int, dx_m: float, dy_m: float, dyaw_rad: float) -> None:
-        """Shove a car until something is in the way: at once, or by a force for half a second where there is physics."""
+        """Shove a car until something is in the way: at once, or for half a second where there is physics."""
         if self._region_of[car] >= 0:
             region = self._regions[self._region_of[car]]
             region.wake()
