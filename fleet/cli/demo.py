@@ -69,7 +69,7 @@ class Demo:
     grip_force: float | None = None
     """Most force of the cup, or of each finger [N]; default 100 and 40. Orders that it cannot hold are refused."""
     perception: Perception = Perception.TRUTH
-    """How the arms know where a parcel lies: truth, or camera, which needs --fidelity physics."""
+    """How the arms know where a parcel lies: truth, or camera, which needs --fidelity physics or mixed."""
     askew: bool = False
     """Parcels are put on the racks beside the middle of their slot and turned."""
     fidelity: Fidelity = Fidelity.PHYSICS

@@ -65,7 +65,7 @@ class Study:
     """Number of seeds; each has its own orders, the same for all fleets. Intervals need two or more."""
     site: str = "medium"
     """Name of a shipped site (see `site list`) or path of a site file."""
-    fidelity: Literal["kinematic", "grid"] = "kinematic"
+    fidelity: Literal["mixed", "kinematic", "grid"] = "kinematic"
     """How robots are moved."""
     duration: float = 1200.0
     """Simulated time of each run [s]."""

@@ -271,7 +271,7 @@ class PlanarWorld:
         Raises:
             SensorError: Always.
         """
-        raise SensorError(f"camera {camera.name}: this world has no bodies to see; valid: fidelity physics")
+        raise SensorError(f"camera {camera.name}: this world has no bodies to see; valid: fidelity physics or mixed")
 
     def save(self, *, settle: bool = False) -> PlanarSnapshot:
         """See `World`; this one has no past to forget."""
