@@ -65,12 +65,15 @@ _handover = partial(Case, name="handover", module=handover_v0, arguments={"n_car
 PAIR = {"site": "cell", "n_cars": 2}
 CASES = [
     _warehouse(fidelity="kinematic"),
+    _warehouse(fidelity="mixed"),
     _warehouse(fidelity="physics"),
     _dispatch(fidelity="grid", arguments={}),
     _dispatch(fidelity="kinematic", arguments={**PAIR, "decision_s": 1}, n_cycles=8),
+    _dispatch(fidelity="mixed", arguments={**PAIR, "decision_s": 1}, n_cycles=4),
     _dispatch(fidelity="physics", arguments={**PAIR, "decision_s": 1}, n_cycles=4),
     _traffic(fidelity="grid", arguments={}),
     _traffic(fidelity="kinematic", arguments=PAIR, n_cycles=8),
+    _traffic(fidelity="mixed", arguments=PAIR, n_cycles=4),
     _traffic(fidelity="physics", arguments=PAIR, n_cycles=4),
     _navigate(fidelity="kinematic"),
     _navigate(fidelity="physics"),
@@ -83,7 +86,7 @@ IDS = {name: f"fleet/{module.__name__.rpartition('.')[2].replace('_', '-')}" for
 
 def marked(case: Case) -> Any:
     """Return a case as a parameter that says whether it steps the engine."""
-    return pytest.param(case, id=str(case), marks=[pytest.mark.bullet] if case.fidelity == Fidelity.PHYSICS else [])
+    return pytest.param(case, id=str(case), marks=[pytest.mark.bullet] if Fidelity(case.fidelity).has_contact else [])
 
 
 of_every_case = pytest.mark.parametrize("case", [marked(case) for case in CASES])

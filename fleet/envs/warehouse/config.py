@@ -23,7 +23,7 @@ from fleet.envs.warehouse.run.starts import Start
 from fleet.envs.warehouse.sensing import Sensing
 from fleet.sensors.lidar import Lidar
 
-FIDELITIES = (Fidelity.KINEMATIC, Fidelity.PHYSICS)
+FIDELITIES = (Fidelity.KINEMATIC, Fidelity.MIXED, Fidelity.PHYSICS)
 TICKS_HZ = 20.0
 """Least rate of ticks: the car of the classical fleet steers well at it."""
 
@@ -266,7 +266,7 @@ class WarehouseConfig(RecordedEnvConfig):
         sizes_ok = isinstance(camera, tuple | list) and all(is_whole(size) and 8 <= size <= 1024 for size in camera)
         require(sizes_ok and len(camera) == 2, "camera", camera, "height and width from 8 to 1024, or None")
         has_light = self.fidelity == Fidelity.PHYSICS
-        require(has_light, "camera", camera, "None in fidelity kinematic, which has nothing to see")
+        require(has_light, "camera", camera, "None in fidelities kinematic and mixed, where cars have nothing to see")
 
 
 _RANGES = (

@@ -365,7 +365,7 @@ class WarehouseEnv(FleetEnv):
 
     def _quick(self) -> _Quick | None:
         episode, ground = self._now(), self._ground
-        if ground is None or self.config.fidelity == Fidelity.PHYSICS or episode.simulation.arm_manager.awaits_plans:
+        if ground is None or Fidelity(self.config.fidelity).has_contact or episode.simulation.arm_manager.awaits_plans:
             return None  # what the engine remembers of touches is in no snapshot
         return _Quick(
             episode=self._copied(episode, ground),

@@ -73,7 +73,12 @@ class Grounds:
     def _world(self, setup: RunSetup, fidelity: Fidelity) -> OpenWorld:
         if fidelity is Fidelity.KINEMATIC:
             return KinematicWorld(setup.scene, KinematicConfig(tick_s=self._tick_s))
-        # The engine takes a moment to load and is needed by this world alone.
+        # The engine takes a moment to load and is needed by these worlds alone.
+        if fidelity is Fidelity.MIXED:
+            from fleet.world.mixed.config import MixedConfig
+            from fleet.world.mixed.world import MixedWorld
+
+            return MixedWorld(setup.scene, MixedConfig(tick_s=self._tick_s, images=False))
         from fleet.world.bullet.engine.config import BulletConfig, exact_tick_s
         from fleet.world.bullet.world import BulletWorld
 
