@@ -31,7 +31,8 @@ def check(simulation: Simulation) -> None:
     assert summary.tasks_done == summary.tasks_total
     assert (summary.robot_contacts, summary.static_contacts) == (0, 0)
     assert (summary.parcel_balance, summary.parcels_misplaced, summary.parcels_dropped) == (0, 0, 0)
-    assert summary.slip_max_m is not None and summary.slip_max_m < 0.005
+    assert summary.slip_max_m is not None
+    assert summary.slip_max_m < 0.005
 
 
 def test_tasks_are_done_and_the_same_seed_gives_the_same_run() -> None:

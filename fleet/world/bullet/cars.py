@@ -11,15 +11,12 @@ import numpy as np
 from numba import njit
 
 from fleet.arrays import BoolArray, FloatArray, IntArray
-from fleet.robots import CARS
-from fleet.robots.model import WheelShape
 from fleet.robots.racecar import HINGES
 from fleet.robots.spec import WHEELS, CarSpec
 from fleet.world.bullet.ackermann import Ackermann
 from fleet.world.bullet.engine import groups
 from fleet.world.bullet.engine.client import Client
 from fleet.world.bullet.engine.frames import quaternion, rotation, rotation_into, turned
-from fleet.world.bullet.engine.urdf_text import without_visuals
 
 # Torques of the wheel motors: 2 m/s^2 with a full tray needs 0.21 Nm; the brake locks the wheel, so that grip decides.
 _DRIVE_NM = 0.6
@@ -94,12 +91,11 @@ class Cars:
         client: Connection.
         spec: Car model.
         start: Poses x, y, yaw, shape (n, 3).
-        wheels: Collision shape of the wheels.
+        urdf: Text of their description.
         substep_s: Length of a physics step [s].
         brakes: Standing cars are held where they are. Costs an eighth of a physics step, as the engine looks at all
             constraints, of moving cars too. Without it they creep (`BulletConfig.residual`).
         limit_share: Part of their limits that motors are given; see `BulletConfig`.
-        visuals: Whether they can be seen in images.
     """
 
     def __init__(
@@ -107,12 +103,11 @@ class Cars:
         client: Client,
         spec: CarSpec,
         start: FloatArray,
-        wheels: WheelShape,
+        urdf: str,
         substep_s: float,
         *,
         brakes: bool = True,
         limit_share: float = 1.0,
-        visuals: bool = True,
     ) -> None:
         self._client = client
         self._spec = spec
@@ -120,9 +115,6 @@ class Cars:
         self._drive_nm, self._brake_nm = ([limit * limit_share] * len(WHEELS) for limit in (_DRIVE_NM, _BRAKE_NM))
         self._steer_nm = _STEER_NM * limit_share
         self.bodies: list[int] = []
-        urdf = CARS[spec.name].urdf(wheels)
-        if not visuals:
-            urdf = without_visuals(urdf)
         for x, y, yaw in start:
             body = client.load_urdf(
                 urdf,

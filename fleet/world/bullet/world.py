@@ -12,6 +12,7 @@ import numpy as np
 from fleet.arrays import BoolArray, FloatArray, IntArray
 from fleet.config import Connect, Grip
 from fleet.errors import ConfigError
+from fleet.robots import CARS
 from fleet.robots.tools import TOOLS
 from fleet.sensors.camera import Camera, CameraImage
 from fleet.world.bullet.arms import Arms, MotorSteps
@@ -22,6 +23,7 @@ from fleet.world.bullet.contacts import ContactMonitor
 from fleet.world.bullet.engine import groups
 from fleet.world.bullet.engine.client import Client, quiet
 from fleet.world.bullet.engine.config import BulletConfig
+from fleet.world.bullet.engine.urdf_text import without_visuals
 from fleet.world.bullet.engine.window import EngineWindow, arranged
 from fleet.world.bullet.fixed import FixedBodies
 from fleet.world.bullet.grip import make_grip
@@ -94,6 +96,7 @@ class BulletWorld:
         self._contact_breaking_m = config.contact_breaking_m
         call_s = config.tick_s / config.n_calls
         at_once = config.n_steps_per_call is not None
+        urdf = CARS[scene.car.name].urdf(config.wheels)
         self._scene = scene
         self._client = client = Client(config.connect, config.shared_memory_key)
         try:
@@ -115,11 +118,10 @@ class BulletWorld:
                     client,
                     scene.car,
                     scene.car_start,
-                    config.wheels,
+                    urdf if config.visuals else without_visuals(urdf),
                     call_s,
                     brakes=not at_once,
                     limit_share=config.limit_share,
-                    visuals=config.visuals,
                 )
                 self._arms = Arms(
                     client,
@@ -132,7 +134,7 @@ class BulletWorld:
                         length_s=call_s,
                         at_once=at_once,
                         limit_share=config.limit_share,
-                        cubic=config.substeps_n is not None,
+                        cubic=config.n_steps_per_tick is not None,
                     ),
                 )
                 self._parcels = Parcels(client, anchored=config.grip is Grip.FRICTION)

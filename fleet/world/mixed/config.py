@@ -6,6 +6,9 @@ from dataclasses import dataclass
 
 from fleet.config import Grip, require
 
+_ENGINE_MB, _ARM_MB = 30.0, 5.0
+_LEAST_REGIONS = 8
+
 
 @dataclass(frozen=True, kw_only=True)
 class MixedConfig:
@@ -33,12 +36,9 @@ class MixedConfig:
     """Walls, shelves, pedestals and obstacles that reach so near to an arm's base are in its region [m]."""
     neighbours_m: float = 1.5
     """Arms that stand nearer to each other than this share a region, as those of one dock do [m]."""
-    most_regions: int = 24
-    """Regions at most, each of which is an engine of its own and takes 30 MB: larger sites have regions of more arms.
-
-    With one engine for every station a hundred stations would take 4 GB.
-    """
-    slots_n: int = 3
+    memory_mb: float = 750.0
+    """What all regions may take, see `n_regions`: larger sites have regions of more arms [MB]."""
+    n_slots: int = 3
     """Bodies that wait for cars in a region of one arm; one more for each further arm."""
     still_s: float = 0.5
     """A region is no longer stepped when nothing moved for so long [s]; fingers have closed by then."""
@@ -46,14 +46,27 @@ class MixedConfig:
     """Speed up to which things count as resting [m/s, rad/s]: a parcel that lies still rocks by 1e-4 in the solver."""
 
     def __post_init__(self) -> None:
-        for name in ("tick_s", "car_substep_s", "radius_m", "margin_m", "near_m", "neighbours_m", "still_s", "slow"):
+        for name in (
+            "tick_s",
+            "car_substep_s",
+            "radius_m",
+            "margin_m",
+            "near_m",
+            "neighbours_m",
+            "memory_mb",
+            "still_s",
+            "slow",
+        ):
             value = getattr(self, name)
             require(0 < value < 1e6, f"mixed.{name}", value, "a number > 0")
         require(self.near_m >= self.radius_m, "mixed.near_m", self.near_m, f"a number >= radius_m, {self.radius_m:g}")
-        for name in ("most_regions", "slots_n"):
-            require(getattr(self, name) >= 1, f"mixed.{name}", getattr(self, name), "an integer >= 1")
+        require(self.n_slots >= 1, "mixed.n_slots", self.n_slots, "an integer >= 1")
+
+    def n_regions(self, n_arms: int) -> int:
+        """Number of regions at most: each has an engine of its own, which takes 30 MB with nothing in it; arms 5 MB."""
+        return max(_LEAST_REGIONS, int((self.memory_mb - _ARM_MB * n_arms) / _ENGINE_MB))
 
     @property
-    def substeps_n(self) -> int:
+    def n_substeps(self) -> int:
         """Physics steps per tick, 120 a second, or 240 with fingers, as in `BulletConfig`."""
         return max(1, round(self.tick_s * (240 if self.grip is Grip.FRICTION else 120)))

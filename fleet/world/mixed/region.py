@@ -47,7 +47,7 @@ class Region:
     """
 
     def __init__(self, scene: Scene, arms: list[int], config: MixedConfig) -> None:
-        n_slots = config.slots_n + len(arms) - 1
+        n_slots = config.n_slots + len(arms) - 1
         self._config = config
         self._spec = scene.car
         self.arms = np.array(arms, dtype=np.int64)
@@ -59,7 +59,7 @@ class Region:
                 grip=config.grip,
                 grip_force_n=config.grip_force_n,
                 tick_s=config.tick_s,
-                substeps_n=config.substeps_n,
+                n_steps_per_tick=config.n_substeps,
                 visuals=config.images,
             ),
         )

@@ -33,7 +33,7 @@ def regions_of(scene: Scene, config: MixedConfig) -> list[list[int]]:
     cells = [np.flatnonzero(label == k).tolist() for k in range(label.max() + 1)]
     cells.sort(key=lambda arms: arms[0])
     # Stations are numbered along the walls, so neighbours in number are neighbours on the floor.
-    n_regions = min(len(cells), config.most_regions)
+    n_regions = min(len(cells), config.n_regions(len(xy)))
     parts = np.array_split(np.arange(len(cells)), n_regions)
     return [sorted(arm for cell in part.tolist() for arm in cells[cell]) for part in parts]
 

@@ -23,7 +23,7 @@ class BulletConfig:
     """Length of one tick [s]."""
     grip_force_n: float | None = None
     """Most force of a cup, less for light parcels (see `SuctionGrip`), or of each finger [N]; None = the tool's."""
-    substeps_n: int | None = None
+    n_steps_per_tick: int | None = None
     """Physics steps per tick; None = what a tick of 1/60 s needs, see `n_substeps`.
 
     Longer ticks have more of them. Arms then go from set-point to set-point along cubics: with constant accelerations
@@ -45,8 +45,8 @@ class BulletConfig:
         force_ok = self.grip_force_n is None or self.grip_force_n > 0
         require(force_ok, "bullet.grip_force_n", self.grip_force_n, "a number > 0, or None")
         require(self.wheels in ("sphere", "cylinder"), "bullet.wheels", self.wheels, "sphere, cylinder")
-        n = self.substeps_n
-        require(n is None or n >= 1, "bullet.substeps_n", n, "an integer >= 1, or None")
+        n = self.n_steps_per_tick
+        require(n is None or n >= 1, "bullet.n_steps_per_tick", n, "an integer >= 1, or None")
         n = self.n_steps_per_call
         n_ok = n is None or (n >= 1 and self.tick_s / n * n == self.tick_s)
         require(n_ok, "bullet.n_steps_per_call", n, "an integer >= 1 that divides tick_s exactly, or None")
@@ -61,8 +61,8 @@ class BulletConfig:
     @property
     def n_substeps(self) -> int:
         """Physics steps per tick: friction lost 2 of 12 parcels at 1/60 s, suction and the cars are fine at 1/120 s."""
-        if self.substeps_n is not None:
-            return self.substeps_n
+        if self.n_steps_per_tick is not None:
+            return self.n_steps_per_tick
         return 4 if self.grip is Grip.FRICTION else 2
 
     @property
