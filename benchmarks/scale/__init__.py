@@ -1,18 +1,19 @@
 """Scale: how fast fleets of 50 to 10,000 cars are simulated, and how far fidelities agree; one file per kind of groups.
 
-`python -m benchmarks.scale [--only kinematic | large | grid | physics | agreement]`.
+`python -m benchmarks.scale [--only kinematic | large | grid | mixed | physics | agreement]`.
 """
 
 from __future__ import annotations
 
 from benchmarks.harness import Benchmark, in_groups
 from benchmarks.scale.agreement import measure_agreement
-from benchmarks.scale.speed import measure_grid, measure_kinematic, measure_large, measure_physics
+from benchmarks.scale.speed import measure_grid, measure_kinematic, measure_large, measure_mixed, measure_physics
 
 GROUPS = {
     "kinematic": measure_kinematic,
     "large": measure_large,
     "grid": measure_grid,
+    "mixed": measure_mixed,
     "physics": measure_physics,
     "agreement": measure_agreement,
 }

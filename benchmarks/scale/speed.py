@@ -41,6 +41,12 @@ def measure_grid(trial: Trial) -> Iterator[Row]:
     yield from _rows(trial, 10_000, Fidelity.GRID, ">= 15", memory="<= 4000")
 
 
+def measure_mixed(trial: Trial) -> Iterator[Row]:
+    """100, 300 and 1,000 cars with physics where arms work."""
+    for n, speed in ((100, ">= 8"), (300, ">= 4"), (1000, ">= 1.5")):
+        yield from _rows(trial, n, Fidelity.MIXED, speed, memory="<= 1500")
+
+
 def measure_physics(trial: Trial) -> Iterator[Row]:
     """What a car costs with physics, from 50 to 1,000 of them."""
     costs = {}
