@@ -13,6 +13,9 @@ from fleet.traffic.drivers import OFF_LANE_M
 
 SETTLES_S = 2.0
 """A car that something moved comes to rest within so long [s]."""
+BESIDE_M = 0.05
+"""A car that follows its lane is nearer to it than this [m]; one that was pushed under an arm, which is at work on it,
+stays where it is until that has ended."""
 _DEAD, _RECOVERING = NUMBER_OF_PHASE[CarPhase.DEAD], NUMBER_OF_PHASE[CarPhase.RECOVERING]
 _NEVER = np.iinfo(np.int64).max
 
@@ -21,8 +24,8 @@ class CarFaults:
     """Cars under a fault: dead ones, and those that an event moves (`EventKind.moves_cars`) until they are recovered.
 
     Such a fault begins with the event. It is over when the car is back: the event has ended `SETTLES_S` ago, the car is
-    not being recovered any more, and its body is in cells that are its own, on the grid where it should stand. A car
-    that leaves its lane although nothing has moved it is recovered, too, but has no excuse.
+    not being recovered any more, its body is in cells that are its own, and it is not beside its lane. A car that
+    leaves its lane although nothing has moved it is recovered, too, but has no excuse.
 
     Attributes:
         cars: Whether each car is under a fault, shape (n_cars,).
@@ -52,17 +55,18 @@ class CarFaults:
         if not self.cars.any():
             return
         out = (self._phases == _DEAD) | (self._phases == _RECOVERING) | (self._settled_at > self._run.now)
-        self.cars &= out | ~inside | self._off_stop()
+        self.cars &= out | ~inside | self._beside()
 
-    def _off_stop(self) -> BoolArray:
-        """Cars on the grid that stand beside where they should, until they are put back, shape (n_cars,)."""
+    def _beside(self) -> BoolArray:
+        """Cars beside their lane, on the grid those that stand beside their state, shape (n_cars,)."""
         run = self._run
         if run.driver.paths is not None:
-            return np.zeros(len(self.cars), dtype=np.bool_)
+            beside: BoolArray = np.abs(run.driver.paths.follower.cross_track) > BESIDE_M
+            return beside
         stops = run.graph.state_pose[run.executor.tail_states()]
         off_m = np.hypot(*(run.world.car_poses() - stops)[:, :2].T)
-        off_stop: BoolArray = run.executor.without_moves() & (off_m > OFF_LANE_M)
-        return off_stop
+        stands_beside: BoolArray = run.executor.without_moves() & (off_m > OFF_LANE_M)
+        return stands_beside
 
     def _note(self, event: Event) -> None:
         if event.kind not in ("disturbance", "disturbance_over"):
