@@ -349,7 +349,7 @@ def test_states_of_other_environments_are_refused(make: Callable[..., WarehouseE
         ({"n_cars": 0, "n_arms": 0}, "at least one agent"),
         ({"n_cars": 0}, "at least one car"),
         ({"classical_cars": 2}, "0 to 1"),
-        ({"fidelity": "grid"}, "kinematic, physics"),
+        ({"fidelity": "grid"}, "kinematic, mixed, physics"),
         ({"arm_action": "torque"}, "joint, tip"),
         ({"control_hz": 0.0}, "0.1 to 1000"),
         ({"control_hz": math.nan}, "0.1 to 1000"),

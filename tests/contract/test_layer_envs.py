@@ -304,7 +304,7 @@ def test_a_folder_that_cannot_be_recorded_to_is_refused_and_no_episode_begins(ma
         ({"n_cars": 0}, "1 to 18"),
         ({"n_cars": 2.0}, "1 to 18"),
         ({"n_cars": True}, "1 to 18"),
-        ({"fidelity": "real"}, "physics, kinematic, grid"),
+        ({"fidelity": "real"}, "physics, mixed, kinematic, grid"),
         ({"load": 0.0}, "> 0"),
         ({"load": math.nan}, "> 0"),
         ({"load": True}, "> 0"),

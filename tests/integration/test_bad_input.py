@@ -73,7 +73,7 @@ def refuse(words: list[str], expected: list[str], tmp_path: Path, capsys: pytest
         (["--speed", "inf"], ["--speed is inf", "a number >= 0"]),
         (["--port", "70000"], ["--port is 70000", "1 to 65535"]),
         (["--grip", "magnet"], ["--grip is 'magnet'", "suction, friction"]),
-        (["--fidelity", "real"], ["--fidelity is 'real'", "physics, kinematic, grid"]),
+        (["--fidelity", "real"], ["--fidelity is 'real'", "physics, mixed, kinematic, grid"]),
         (["--robtos", "3"], ["--robtos", "did you mean --robots?", "--fidelity"]),
         (["--no-record", "yes"], ["'yes'", "--help"]),
         (["--perception", "radar"], ["--perception is 'radar'", "truth, camera"]),
@@ -286,7 +286,10 @@ def test_a_refused_run_leaves_earlier_results_alone(tmp_path: Path, capsys: pyte
     [
         (
             ["frob"],
-            ["'frob'", "demo, diff, evaluate, lorr, mend, plan, play, replay, report, study, train, why, site"],
+            [
+                "'frob'",
+                "demo, diff, evaluate, fit, gap, lorr, mend, plan, play, replay, report, study, train, why, site",
+            ],
         ),
         (["site", "frob"], ["'frob'", "check, list, generate, convert"]),
         (["site", "check"], ["SITE", "missing"]),

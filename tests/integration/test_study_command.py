@@ -70,7 +70,7 @@ def test_two_allocators_two_sizes_two_seeds(tmp_path: Path, capsys: pytest.Captu
         (["--jobs", "x"], "--jobs is 'x'; valid: an integer"),
         (["--duration", "-1"], "--duration is -1.0"),
         (["--jobs", "0"], "--jobs is 0"),
-        (["--fidelity", "physics"], "--fidelity is 'physics'; valid: kinematic, grid"),
+        (["--fidelity", "physics"], "--fidelity is 'physics'; valid: mixed, kinematic, grid"),
         (["--planner", "nobody"], "--planner is 'nobody'; valid: pibt"),
         (["--site", "nowhere"], "nowhere"),
         (["--stream", "x"], "--stream is 'x'; valid: poisson, waves"),

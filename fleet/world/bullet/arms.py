@@ -119,6 +119,7 @@ class Arms:
             from_q=np.zeros_like(self.q),
             from_qd=np.zeros_like(self.q),
         )
+        self._told = self.q.copy()  # the last set-points; `_targets.q` forgets them where motors have to be set anew
         self._turns = np.zeros_like(self.q)
         self._active = np.zeros(0, dtype=np.int64)
 
@@ -140,9 +141,8 @@ class Arms:
         """
         tick_s = self._steps.n * self._steps.length_s
         if self._steps.cubic:
-            known = np.isfinite(self._targets.q)
-            self._targets.from_q[:] = np.where(known, self._targets.q, self.q)
-            self._targets.from_qd[:] = np.where(known, self._targets.qd, 0.0)
+            self._targets.from_q[:], self._targets.from_qd[:] = self._told, self._targets.qd
+        self._told[:] = q
         active = np.empty(len(self.bodies), dtype=np.int64)
         n = _aim(self._targets, q, qd, self.qd, tick_s, active)
         self._active = active[:n]
@@ -234,15 +234,18 @@ class Arms:
         for body, positions in zip(self.bodies, q.tolist(), strict=True):
             for joint, position in zip(self._joints, positions, strict=True):
                 self._client.resetJointState(body, joint, position, 0.0)
-        self.recall(np.array([np.zeros_like(q), q, np.zeros_like(q)]))
+        self.recall(np.array([np.zeros_like(q), q, np.zeros_like(q), q]))
 
     def memory(self) -> FloatArray:
-        """What the engine's own snapshot does not hold: last target velocities, last readings, shape (3, m, joints)."""
-        return np.array([self._targets.qd, self.q, self.qd])
+        """What the engine's own snapshot does not hold, shape (4, m, n_joints).
+
+        Last target velocities, last readings of positions and velocities, last target positions.
+        """
+        return np.array([self._targets.qd, self.q, self.qd, self._told])
 
     def recall(self, memory: FloatArray) -> None:
         """Return to `memory`; every motor is set anew at the next command."""
-        self._targets.qd[:], self.q, self.qd = memory.copy()
+        self._targets.qd[:], self.q, self.qd, self._told = memory.copy()
         self._targets.held[:] = not self._steps.at_once
         self._targets.q[:] = np.inf  # no target equals it, so every arm counts as moving
 
