@@ -8,11 +8,11 @@ from benchmarks.harness import Row, Trial
 from fleet.config import Fidelity, StreamConfig
 from fleet.scale.gap import find_gaps, run_gap
 from fleet.scale.gap_run import GapDesign
+from fleet.study.design import ORDERS_PER_CAR_H
 
 FIGURES = ("deliveries [1/h]", "task time [s]")
 WITHIN = {Fidelity.KINEMATIC: "<= 5", Fidelity.MIXED: "<= 3"}
 """How far from physics the ends of an interval may be [%]."""
-ORDERS_PER_CAR_H = 90.0
 JOBS = 2
 
 

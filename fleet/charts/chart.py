@@ -41,7 +41,7 @@ def draw(title: str, y_label: str, series: Sequence[Series], *, scale: float = 1
     """
     xs = sorted({x for one in series for x in one.x})
     tops = [scale * _top(y) for one in series for y in one.y if y is not None]
-    y_step = _step(max([*tops, 1e-9]))
+    y_step = round_step(max([*tops, 1e-9]), N_LABELS)
     y_end = y_step * math.ceil(max([*tops, 1e-9]) / y_step - 1e-9)
     x_low, x_high = xs[0], xs[-1] if xs[-1] > xs[0] else xs[0] + 1
 
@@ -87,6 +87,15 @@ def draw(title: str, y_label: str, series: Sequence[Series], *, scale: float = 1
     return sheet
 
 
+def dot_legend(sheet: Drawing, right: float, names: Sequence[str]) -> None:
+    """Write names in the first line, each behind a dot of its colour, so that they end at `right`."""
+    for name, color in reversed(list(zip(names, _colors(len(names)), strict=True))):
+        right -= 7.0 * len(name)
+        sheet.marks.append(Words(at=(right, 20), text=name))
+        sheet.marks.append(Dot(at=(right - 10, 16), color=color))
+        right -= 30
+
+
 def _knees(sheet: Drawing, series: Sequence[Series], bottom: float, across: Callable[[float], float]) -> None:
     """Mark the knees; those of several curves that share one get one word."""
     knees: dict[int, list[int]] = {}
@@ -108,9 +117,9 @@ def _top(y: Estimate) -> float:
     return y.high if math.isfinite(y.half_width) else y.mean
 
 
-def _step(top: float) -> float:
-    """A round step that divides 0..`top` into about `N_LABELS` parts."""
-    rough = top / N_LABELS
+def round_step(top: float, n_parts: int) -> float:
+    """A round step that divides 0..`top` into about `n_parts` parts, not more."""
+    rough = top / n_parts
     unit = 10.0 ** math.floor(math.log10(rough))
     return next(unit * k for k in (1.0, 2.0, 2.5, 5.0, 10.0) if unit * k >= rough * (1 - 1e-9))
 

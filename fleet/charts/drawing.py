@@ -90,6 +90,11 @@ class Drawing:
         size = f'viewBox="0 0 {self.width} {self.height}" width="{self.width}" height="{self.height}"'
         return f'<svg xmlns="http://www.w3.org/2000/svg" {size} font-family="{FONT}" role="img">\n{body}\n</svg>'
 
+    def write(self, folder: Path, name: str) -> None:
+        """Write ``NAME.svg`` and ``NAME.png`` into a folder."""
+        (folder / f"{name}.svg").write_text(self.svg() + "\n", encoding="utf-8")
+        self.write_png(folder / f"{name}.png")
+
     def write_png(self, path: Path) -> None:
         """Paint the drawing into a file."""
         from PIL import Image, ImageDraw, ImageFont

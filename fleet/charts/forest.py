@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import groupby
 
-from fleet.charts.chart import AXIS, COLORS, GRID
+from fleet.charts.chart import AXIS, COLORS, GRID, dot_legend, round_step
 from fleet.charts.drawing import Dot, Drawing, Line, Words
 from fleet.charts.statistics import Estimate
 
@@ -15,7 +15,7 @@ WIDTH, LEFT, RIGHT, TOP, BOTTOM = 760, 190, 30, 62, 44
 LINE_PX, GAP_PX = 20, 12
 """Height of a line, and of the space between two names [px]."""
 N_STEPS = 4
-"""At least as many steps of the axis from zero to its farther end."""
+"""About as many steps of the axis from zero to its farther end, not more."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,8 +46,7 @@ def draw_forest(
     blocks = [(name, list(block)) for name, block in groupby(lines, key=lambda line: line.name)]
     bottom = TOP + LINE_PX * len(lines) + GAP_PX * len(blocks)
     far = max((scale * _far(line.value) for line in lines), default=0.0) or 1.0
-    step = 10.0 ** math.floor(math.log10(far / N_STEPS))
-    step *= next(k for k in (1.0, 2.0, 2.5, 5.0, 10.0) if step * k >= far / N_STEPS * (1 - 1e-9))
+    step = round_step(far, N_STEPS)
     n_steps = math.ceil(far / step - 1e-9)
 
     def across(value: float) -> float:
@@ -63,12 +62,7 @@ def draw_forest(
         marks.append(Line(points=[(x, TOP), (x, bottom)], color=AXIS if k == 0 else GRID))
         marks.append(Words(at=(x, bottom + 18), text=f"{k * step:+g}" if k else "0", anchor="middle"))
     colors = {group: COLORS[k % len(COLORS)] for k, group in enumerate(groups)}
-    right = float(WIDTH - RIGHT)
-    for group in reversed(groups):
-        right -= 7.0 * len(group)
-        marks.append(Words(at=(right, 20), text=group))
-        marks.append(Dot(at=(right - 10, 16), color=colors[group]))
-        right -= 30
+    dot_legend(sheet, WIDTH - RIGHT, groups)
     y = TOP + GAP_PX / 2
     for name, block in blocks:
         marks.append(Words(at=(LEFT - 12, y + LINE_PX * len(block) / 2 + 4), text=name, anchor="end"))

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-from fleet.charts.chart import AXIS, BOTTOM, COLORS, GRID, HEIGHT, LEFT, RIGHT, TOP, WIDTH
+from fleet.charts.chart import AXIS, BOTTOM, COLORS, GRID, HEIGHT, LEFT, RIGHT, TOP, WIDTH, dot_legend
 from fleet.charts.drawing import Dot, Drawing, Line, Words
 
 
@@ -61,12 +61,7 @@ def draw_log(title: str, subtitle: str, series: Sequence[LogSeries]) -> Drawing:
         x, bottom = spot(10.0**k, 10.0**y_low)
         marks.append(Line(points=[(x, bottom), (x, TOP)], color=GRID))
         marks.append(Words(at=(x, bottom + 18), text=f"{10.0**k:,g}", anchor="end" if k == x_high else "middle"))
-    right = float(WIDTH - RIGHT)
-    for k, one in reversed(list(enumerate(series))):
-        right -= 7.0 * len(one.name)
-        marks.append(Words(at=(right, 20), text=one.name))
-        marks.append(Dot(at=(right - 10, 16), color=COLORS[k % len(COLORS)]))
-        right -= 30
+    dot_legend(sheet, WIDTH - RIGHT, [one.name for one in series])
     for k, one in enumerate(series):
         color = COLORS[k % len(COLORS)]
         for a, b in pairwise(one.points):

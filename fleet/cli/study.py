@@ -16,7 +16,7 @@ from rich.table import Table
 
 from fleet.config import Fidelity, StreamConfig, StreamKind, require
 from fleet.config.member_settings import file_settings, member_settings
-from fleet.study.design import Design, parse_names, parse_range
+from fleet.study.design import ORDERS_PER_CAR_H, Design, parse_names, parse_range
 from fleet.terminal.interrupts import interrupts
 from fleet.terminal.progress_bar import Bar
 from planners.allocation import ALLOCATORS
@@ -27,8 +27,6 @@ if TYPE_CHECKING:
     from fleet.study.study import Outcome
 
 COMPLETE, INTERRUPTED = 0, 130
-ORDERS_PER_CAR_H = 90.0
-"""So that work never ends: a car needs at least 50 s for a delivery on the sites that ship."""
 PLAIN_WIDTH = 120
 """Columns of a table that goes to a file or a pipe."""
 

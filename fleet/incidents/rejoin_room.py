@@ -59,7 +59,8 @@ class RejoinRoom:
         # One more cell all around, so that neighbours need no special case.
         self._open = np.pad(open_cells, 1)
         self.start = start
-        row, col = cell_of(outline(start[None], self._spec, 0.0)[0], grid.rows, grid.cell_m)
+        body = outline(start[None], self._spec, 0.0)[0]
+        row, col = cell_of(body, grid.rows, grid.cell_m)
         self.usable = usable
         allowed = np.pad(usable, 1)
         allowed[np.clip(row + 1, 0, grid.rows + 1), np.clip(col + 1, 0, grid.cols + 1)] = True
@@ -75,7 +76,7 @@ class RejoinRoom:
         self._depths = self._too_near(start[None])
         touches = self._depths > margin_m - TOUCHES_M
         # Points that touch walls may do so all alike; the others may come near to them, but not touch them.
-        walls = slice(outline(start[None], self._spec, 0.0).shape[1])
+        walls = slice(len(body))
         deepest = self._depths[0, walls].max()
         borne = np.where(touches[0, walls], deepest, min(deepest, margin_m - TOUCHES_M))
         self._depths[0, walls] = np.maximum(self._depths[0, walls], borne)

@@ -10,6 +10,7 @@ import numpy as np
 from numba import njit
 
 from fleet.arrays import FloatArray
+from fleet.robots.angle import rotation_into
 from fleet.robots.spec import ArmSpec
 from fleet.stations.arms.arm_controller import ArmController
 from fleet.world.protocol import World
@@ -103,11 +104,8 @@ def _seen_from_link(
     link_frames_into(joints, q, frames)
     link = frames[-1]
     cos, sin = math.cos(base[3]), math.sin(base[3])
-    x, y, z, w = pose[3], pose[4], pose[5], pose[6]
     world = np.empty((3, 4))
-    world[0, 0], world[0, 1], world[0, 2] = 1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)
-    world[1, 0], world[1, 1], world[1, 2] = 2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)
-    world[2, 0], world[2, 1], world[2, 2] = 2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)
+    rotation_into(pose[3:], world)
     for axis in range(3):
         world[axis, 3] = pose[axis] - base[axis]
     for col in range(4):

@@ -94,8 +94,7 @@ class TurnBook:
         """How fast the arms are at present, or some of them."""
         missions = self._missions
         arms = self._arms if arms is None else arms
-        times = missions.stations.times
-        left_s = np.array([times.left_s(arm, now_s) for arm in arms.tolist()])
+        left_s = missions.stations.times.all_left_s(now_s)[arms]
         cycle_s = np.maximum(missions.stations.recent_s(arms) + CHANGE_S, self._least_cycle_s[arms])
         return ArmPace(cycle_s, np.where(missions.served[arms] >= 0, left_s + CHANGE_S, 0.0))
 

@@ -1,10 +1,12 @@
-"""Angles that kernels keep within a turn."""
+"""Angles that kernels keep within a turn, and rotations that they fill in."""
 
 from __future__ import annotations
 
 import math
 
 from numba import njit
+
+from fleet.arrays import FloatArray
 
 
 @njit(cache=True)
@@ -15,3 +17,18 @@ def wrapped(angle: float) -> float:
     if 0.0 <= turned < 2.0 * math.pi:
         return turned - math.pi
     return turned % (2.0 * math.pi) - math.pi
+
+
+@njit(cache=True)
+def rotation_into(quat: FloatArray, turn: FloatArray) -> None:
+    """Fill in the matrix of a unit quaternion x, y, z, w, shape (3, 3)."""
+    x, y, z, w = quat[0], quat[1], quat[2], quat[3]
+    turn[0, 0] = 1 - 2 * (y * y + z * z)
+    turn[0, 1] = 2 * (x * y - z * w)
+    turn[0, 2] = 2 * (x * z + y * w)
+    turn[1, 0] = 2 * (x * y + z * w)
+    turn[1, 1] = 1 - 2 * (x * x + z * z)
+    turn[1, 2] = 2 * (y * z - x * w)
+    turn[2, 0] = 2 * (x * z - y * w)
+    turn[2, 1] = 2 * (y * z + x * w)
+    turn[2, 2] = 1 - 2 * (x * x + y * y)

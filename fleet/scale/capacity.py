@@ -256,5 +256,4 @@ def write_capacity(out: Path, cells: Sequence[CapacityCell], plots: Mapping[str,
     whole = {"machine": machine, "minutes": minutes, "cells": plain(cells)}
     (out / JSON_FILE).write_text(json.dumps(whole, indent=2) + "\n", encoding="utf-8")
     for name, plot in plots.items():
-        (out / f"{name}.svg").write_text(plot.svg() + "\n", encoding="utf-8")
-        plot.write_png(out / f"{name}.png")
+        plot.write(out, name)

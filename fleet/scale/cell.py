@@ -17,6 +17,7 @@ from fleet.config import ArmConfig, Fidelity, RunConfig
 from fleet.errors import FleetError
 from fleet.scale.floors import floor_for
 from fleet.simulation import Simulation
+from fleet.study.backend import POLL_S
 from fleet.study.pool import begin_process
 from fleet.tasks.board import DONE_STATES
 from maps.site import save_site
@@ -31,8 +32,6 @@ MOST_SIM_S = 900.0
 """Simulated time after which a cell has seen enough [s]."""
 SPARE_S = 0.5
 """Wall time for the answer [s]."""
-POLL_S = 0.2
-"""Longest wall time until an interrupt is noticed [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)

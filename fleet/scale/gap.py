@@ -189,5 +189,4 @@ def write_gap(out: Path, design: GapDesign, rows: Sequence[GapRow], gaps: Sequen
         table.writerows(["" if (cell := getattr(row, name)) is None else str(cell) for name in names] for row in rows)
     whole = {"design": plain(design), "reference": design.reference.value, "gaps": plain(gaps), "runs": plain(rows)}
     (out / JSON_FILE).write_text(json.dumps(whole, indent=2) + "\n", encoding="utf-8")
-    (out / f"{PLOT}.svg").write_text(plot.svg() + "\n", encoding="utf-8")
-    plot.write_png(out / f"{PLOT}.png")
+    plot.write(out, PLOT)

@@ -10,6 +10,7 @@ import numpy as np
 
 from fleet.config import ArmConfig, Fidelity, RunConfig, StreamConfig, require
 from fleet.simulation import Simulation
+from fleet.study.measurement import run_whole_time
 from fleet.tasks.board import DONE_STATES, Task, TaskState
 
 
@@ -93,15 +94,11 @@ class GapRow:
 
 
 def measure_run(config: RunConfig) -> GapRow:
-    """Run to the end of the time, even when all work is done before, so that all runs are of one length.
-
-    A fleet that comes to a stand with work open is not driven on: nothing will change.
-    """
+    """Run for the whole time; see `run_whole_time`."""
     with Simulation(config) as simulation:
         docks = _Docks()
         simulation.board.subscribe(docks.moved)
-        while simulation.sim_s < config.duration_s and (simulation.board.finished or not simulation.stalled):
-            simulation.tick()
+        run_whole_time(simulation)
         return _row(config, simulation, docks)
 
 

@@ -20,6 +20,8 @@ from fleet.config import (
 from fleet.errors import FleetError
 from planners.mapf import DEFAULT_PLANNER
 
+ORDERS_PER_CAR_H = 90.0
+"""So that work never ends: a car needs at least 50 s for a delivery on the sites that ship."""
 RANGE_FORM = "a list of numbers and ranges, such as 4, 2:20, 2:20:2 or 2,4,8"
 
 

@@ -12,14 +12,20 @@ from fleet.tasks.board import DONE_STATES, Task, TaskState
 
 
 def measure(config: RunConfig) -> Row:
+    """Run for the whole time; see `run_whole_time`."""
+    with Simulation(config) as simulation:
+        run_whole_time(simulation)
+        return _row(config, simulation)
+
+
+def run_whole_time(simulation: Simulation) -> None:
     """Run to the end of the time, even when all work is done before, so that all runs are of one length.
 
     A fleet that comes to a stand with work open is not driven on: nothing will change.
     """
-    with Simulation(config) as simulation:
-        while simulation.sim_s < config.duration_s and (simulation.board.finished or not simulation.stalled):
-            simulation.tick()
-        return _row(config, simulation)
+    end_s = simulation.config.duration_s
+    while simulation.sim_s < end_s and (simulation.board.finished or not simulation.stalled):
+        simulation.tick()
 
 
 def _row(config: RunConfig, simulation: Simulation) -> Row:

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 from rich.table import Table
 
 from fleet.cli.run_output import INTERRUPTED, plain_console
-from fleet.config import Fidelity, require
+from fleet.cli.scale.fidelities import EVERY, parse_fidelities
+from fleet.config import require
 from fleet.study.design import parse_range
 from fleet.terminal.interrupts import interrupts
 from fleet.terminal.progress_bar import Bar
@@ -33,7 +34,7 @@ class CapacityCommand:
 
     robots: str = "10,100,1000,10000"
     """Numbers of cars, as in the study: a number, a range, a range with a step, or a list."""
-    fidelities: str = ",".join(Fidelity)
+    fidelities: str = EVERY
     """Fidelities, separated by commas."""
     minutes: float = 3.0
     """Wall time in all; what does not fit is extrapolated, and marked [min]."""
@@ -44,10 +45,7 @@ class CapacityCommand:
         """Measure, print and write; returns the exit status."""
         robots = parse_range(self.robots, "--robots")
         require(max(robots) <= MOST_ROBOTS, "--robots", self.robots, f"numbers from 1 to {MOST_ROBOTS}")
-        fidelities = [name.strip() for name in self.fidelities.split(",")]
-        for name in fidelities:
-            require(name in list(Fidelity), "--fidelities", name, ", ".join(Fidelity))
-        require(len(set(fidelities)) == len(fidelities), "--fidelities", self.fidelities, "each once")
+        fidelities = parse_fidelities(self.fidelities)
         minutes_ok = 0.0 < self.minutes <= MOST_MINUTES
         require(minutes_ok, "--minutes", self.minutes, f"a number > 0, at most {MOST_MINUTES:g}")
         # The simulation takes a second to load: only for runs, not for --help.
@@ -59,10 +57,7 @@ class CapacityCommand:
             def progress(done: int, now: str) -> None:
                 bar.show(done, now, f"{done} of {n_cells} cells done; now {now}")
 
-            cells = measure_capacity(
-                robots, [Fidelity(name) for name in fidelities], self.minutes,
-                interrupted=interrupted, progress=progress,
-            )  # fmt: skip
+            cells = measure_capacity(robots, fidelities, self.minutes, interrupted=interrupted, progress=progress)
         plots = capacity_plots(cells)
         write_capacity(self.out, cells, plots, self.minutes)
         console = plain_console(wide=True)

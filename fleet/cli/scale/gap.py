@@ -12,7 +12,9 @@ import tyro
 from rich.table import Table
 
 from fleet.cli.run_output import INTERRUPTED, plain_console
-from fleet.config import Fidelity, StreamConfig, require
+from fleet.cli.scale.fidelities import EVERY, parse_fidelities
+from fleet.config import StreamConfig, require
+from fleet.study.design import ORDERS_PER_CAR_H
 from fleet.terminal.interrupts import interrupts
 from fleet.terminal.progress_bar import Bar
 
@@ -20,8 +22,6 @@ if TYPE_CHECKING:
     from fleet.scale.gap import Gap
 
 DONE = 0
-ORDERS_PER_CAR_H = 90.0
-"""So that work never ends: a car needs at least 50 s for a delivery on the sites that ship."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,7 +36,7 @@ class GapCommand:
     """Number of seeds; each has its own orders, the same at every fidelity. Intervals need two or more."""
     duration: float = 600.0
     """Simulated time of each run [s]."""
-    fidelities: str = ",".join(Fidelity)
+    fidelities: str = EVERY
     """Fidelities, separated by commas; the others are compared with physics, or with the first if it is not among
     them."""
     rate: float | None = None
@@ -55,9 +55,7 @@ class GapCommand:
         require(0.0 < self.duration < 1e6, "--duration", self.duration, "a number > 0, at most a million")
         require(self.jobs is None or self.jobs >= 1, "--jobs", self.jobs, "an integer >= 1")
         require(self.rate is None or self.orders is None, "--rate", self.rate, "without --orders")
-        fidelities = tuple(name.strip() for name in self.fidelities.split(","))
-        for name in fidelities:
-            require(name in list(Fidelity), "--fidelities", name, ", ".join(Fidelity))
+        fidelities = parse_fidelities(self.fidelities)
         rate_per_h = ORDERS_PER_CAR_H * self.robots if self.rate is None else self.rate
         # The simulation takes a second to load: only for runs, not for --help.
         from fleet.scale.gap import PLOT, check_gap, find_gaps, gap_plot, run_gap, safety_sentences, write_gap
@@ -67,7 +65,7 @@ class GapCommand:
             site=self.site,
             robots=self.robots,
             seeds=tuple(range(self.seeds)),
-            fidelities=tuple(map(Fidelity, fidelities)),
+            fidelities=fidelities,
             duration_s=self.duration,
             stream=StreamConfig(rate_per_h=rate_per_h) if self.orders is None else None,
             orders=self.orders,

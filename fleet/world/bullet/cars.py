@@ -11,12 +11,13 @@ import numpy as np
 from numba import njit
 
 from fleet.arrays import BoolArray, FloatArray, IntArray
+from fleet.robots.angle import rotation_into
 from fleet.robots.racecar import HINGES
 from fleet.robots.spec import WHEELS, CarSpec
 from fleet.world.bullet.ackermann import Ackermann
 from fleet.world.bullet.engine import groups
 from fleet.world.bullet.engine.client import Client
-from fleet.world.bullet.engine.frames import quaternion, rotation, rotation_into, turned
+from fleet.world.bullet.engine.frames import quaternion, rotation, turned
 
 # Torques of the wheel motors: 2 m/s^2 with a full tray needs 0.21 Nm; the brake locks the wheel, so that grip decides.
 _DRIVE_NM = 0.6

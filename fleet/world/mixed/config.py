@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from fleet.config import Grip, require
+from fleet.world.bullet.engine.config import BulletConfig
 
 _ENGINE_MB, _ARM_MB = 30.0, 5.0
 _LEAST_REGIONS = 8
@@ -68,5 +69,6 @@ class MixedConfig:
 
     @property
     def n_substeps(self) -> int:
-        """Physics steps per tick, 120 a second, or 240 with fingers, as in `BulletConfig`."""
-        return max(1, round(self.tick_s * (240 if self.grip is Grip.FRICTION else 120)))
+        """Physics steps per tick, as many a second as a `BulletWorld` makes with this grip."""
+        usual = BulletConfig(grip=self.grip)
+        return max(1, round(self.tick_s * usual.n_substeps / usual.tick_s))

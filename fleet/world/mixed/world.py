@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -139,9 +141,8 @@ class MixedWorld:
         self._hand_over()
         cars = self._cars
         inside = np.flatnonzero(self._region_of >= 0)
-        kept = cars.poses[inside], cars.speeds[inside], cars.steering[inside]
-        cars.step(car_commands)
-        cars.poses[inside], cars.speeds[inside], cars.steering[inside] = kept
+        with self._kept(inside):
+            cars.step(car_commands)
         self._wake(inside, car_commands, arm_q, arm_qd, grip)
         for number, region in enumerate(self._regions):
             if not region.asleep:
@@ -483,11 +484,16 @@ class MixedWorld:
 
     def _set_apart(self) -> None:
         """Let cars that touch something stop at it; those in a region are moved by nothing but physics."""
+        with self._kept(np.flatnonzero(self._region_of >= 0)):
+            self._surroundings.set_apart(self._cars.poses, self._cars.speeds)
+
+    @contextmanager
+    def _kept(self, inside: IntArray) -> Iterator[None]:
+        """Let the motion of cars in regions be afterwards what it was before."""
         cars = self._cars
-        inside = np.flatnonzero(self._region_of >= 0)
-        kept = cars.poses[inside], cars.speeds[inside]
-        self._surroundings.set_apart(cars.poses, cars.speeds)
-        cars.poses[inside], cars.speeds[inside] = kept
+        kept = cars.poses[inside], cars.speeds[inside], cars.steering[inside]
+        yield
+        cars.poses[inside], cars.speeds[inside], cars.steering[inside] = kept
 
     # --- parcels
 

@@ -132,6 +132,17 @@ def begin(ops: Operations, choices: Choices, state_cell: IntArray) -> None:  # p
 
 
 @kernel
+def lock(ops: Operations, choices: Choices, locked: BoolArray, state_cell: IntArray) -> None:  # pragma: no cover
+    """Say who does not move; who was about to is stopped, and then everybody decides anew."""
+    stopped = False
+    for agent in range(len(locked)):
+        choices.locked[agent] = locked[agent]
+        stopped |= locked[agent] and choices.chosen[agent] != ops.ptr[choices.state[agent]]
+    if stopped:
+        begin(ops, choices, state_cell)
+
+
+@kernel
 def go_on(ops: Operations, choices: Choices, state_cell: IntArray, after: IntArray) -> None:  # pragma: no cover
     """Let a timestep pass: agents stand in `after`, and what was left of their operations goes on with a wait.
 

@@ -323,9 +323,7 @@ class Mover:
 
     def lock(self, locked: BoolArray) -> None:
         """Say who does not move, shape (n,). Who was about to is stopped, and then everybody decides anew."""
-        self._choices.locked[:] = locked
-        if (locked & (self._choices.chosen != self.operations.ptr[self._choices.state])).any():
-            kernels.begin(self.operations, self._choices, self.graph.state_cell)
+        kernels.lock(self.operations, self._choices, locked, self.graph.state_cell)
 
     def step(
         self,

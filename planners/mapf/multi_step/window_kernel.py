@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from planners.mapf.arrays import BoolArray, IntArray
+from planners.mapf.arrays import IntArray
 from planners.mapf.chance import Chance, next_word
 from planners.mapf.kernel import kernel
 from planners.mapf.multi_step.multi_step_kernel import (
@@ -17,6 +17,7 @@ from planners.mapf.multi_step.multi_step_kernel import (
     begin,
     first_states,
     go_on,
+    lock,
     reconsider,
     sweep,
 )
@@ -57,7 +58,7 @@ def plan_steps(
     begin(ops, choices, state_cell)
     for done in range(states.shape[0] - 1):
         take_turns(turns, states[done], agents, done, impatience)
-        _lock(ops, choices, turns.locked, state_cell)
+        lock(ops, choices, turns.locked, state_cell)
         for place in range(n):
             choices.place[turns.order[place]] = place
         salt = next_word(search.chance)
@@ -66,14 +67,3 @@ def plan_steps(
         sweep(ops, choices, aims, turns.order, search.most_tries, state_cell, search.allow_rotation)
         first_states(ops, choices, costs, wishes, states[done + 1])
         go_on(ops, choices, state_cell, states[done + 1])
-
-
-@kernel
-def _lock(ops: Operations, choices: Choices, locked: BoolArray, state_cell: IntArray) -> None:  # pragma: no cover
-    """As `Mover.lock`."""
-    stopped = False
-    for agent in range(len(locked)):
-        choices.locked[agent] = locked[agent]
-        stopped |= locked[agent] and choices.chosen[agent] != ops.ptr[choices.state[agent]]
-    if stopped:
-        begin(ops, choices, state_cell)

@@ -9,6 +9,7 @@ import numpy as np
 from numba import njit
 
 from fleet.arrays import FloatArray
+from fleet.robots.angle import rotation_into
 
 
 def rotation(quat_xyzw: FloatArray) -> FloatArray:
@@ -30,21 +31,6 @@ def rotation(quat_xyzw: FloatArray) -> FloatArray:
 def _rotations(quats: FloatArray, turns: FloatArray) -> None:
     for k in range(len(quats)):
         rotation_into(quats[k], turns[k])
-
-
-@njit(cache=True)
-def rotation_into(quat: FloatArray, turn: FloatArray) -> None:
-    """Fill in the matrix of a unit quaternion x, y, z, w, shape (3, 3)."""
-    x, y, z, w = quat[0], quat[1], quat[2], quat[3]
-    turn[0, 0] = 1 - 2 * (y * y + z * z)
-    turn[0, 1] = 2 * (x * y - z * w)
-    turn[0, 2] = 2 * (x * z + y * w)
-    turn[1, 0] = 2 * (x * y + z * w)
-    turn[1, 1] = 1 - 2 * (x * x + z * z)
-    turn[1, 2] = 2 * (y * z - x * w)
-    turn[2, 0] = 2 * (x * z - y * w)
-    turn[2, 1] = 2 * (y * z + x * w)
-    turn[2, 2] = 1 - 2 * (x * x + y * y)
 
 
 def turned(yaw: float, quat_xyzw: Sequence[float]) -> tuple[float, float, float, float]:
