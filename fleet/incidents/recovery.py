@@ -117,7 +117,8 @@ class _Attempt:
 
 def _patient(room: RejoinRoom) -> list[_Attempt]:
     """Directly, else around what is in the way; off what it touches without a touch."""
-    return [_Attempt(room=room), *(_led(room) if room.touches else ()), _Attempt(room=room, iterations=ITERATIONS)]
+    led = _led(room) if room.touches else ()
+    return [*_leaving(room), _Attempt(room=room), *led, _Attempt(room=room, iterations=ITERATIONS)]
 
 
 def _impatient(room: RejoinRoom) -> list[_Attempt]:
@@ -125,7 +126,19 @@ def _impatient(room: RejoinRoom) -> list[_Attempt]:
     swinging = room.eased(swing_m=SWING_M)
     wide = [_Attempt(room=swinging, radius_m=radius_m) for radius_m in WIDE_RADII_M]
     around = [_Attempt(room=swinging), _Attempt(room=swinging, iterations=ITERATIONS)]
-    return [_Attempt(room=room), *_led(room), *around, *wide]
+    return [*_leaving(room), _Attempt(room=room), *_led(room), *around, *wide]
+
+
+def _leaving(room: RejoinRoom) -> list[_Attempt]:
+    """Off what it touches at once, as a car can that touches it with a corner: directly, or straight at first."""
+    if not room.touches:
+        return []
+    leaving = room.leaving()
+    straight = [lead for lead in LEADS_M if math.isinf(lead[1])]
+    return [
+        _Attempt(room=leaving),
+        *(_Attempt(room=leaving.eased(lead_m=out_m), lead_m=lead_m) for lead_m, _, out_m in straight),
+    ]
 
 
 def _led(room: RejoinRoom) -> list[_Attempt]:

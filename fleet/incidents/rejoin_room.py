@@ -23,6 +23,8 @@ TOUCHES_M, SLACK_M, LEAST_SLACK_M = 0.01, 0.002, 0.0005
 are looked at: the first beyond which it touches it perhaps has the least."""
 FOOT_M = 0.015
 """How much farther the foot of an arm reaches than its outline's circle, in the direction of its corners."""
+LEAVES = 0.1
+"""How far a way that leaves what the car touches leads away from it, by what is driven, until it touches no more."""
 SWING_M = 0.005
 """How much nearer its tail may come where it cannot get out otherwise. A car turns away from a wall beside it with its
 tail towards the wall, by the square of what is behind the rear axle over twice the radius: 4 mm in a curve of 1 m."""
@@ -53,6 +55,7 @@ class RejoinRoom:
         margin_m: float = MARGIN_M,
     ) -> None:
         self._margin_m, self._way_out_m, self._swing_m = margin_m, WAY_OUT_M, 0.0
+        self._leaves = 0.0
         grid = run.site.grid
         self._spec, self._cell_m, self._rows = run.scene.car, grid.cell_m, grid.rows
         open_cells = grid.free & ~run.traffic.blocked.reshape(grid.rows, grid.cols)
@@ -82,6 +85,7 @@ class RejoinRoom:
         self._depths[0, walls] = np.maximum(self._depths[0, walls], borne)
         self.touches = bool(touches.any())
         """Whether the car touches something where it stands, as far as can be told."""
+        self._touching = touches
         self._slack_m = np.where(touches, LEAST_SLACK_M, SLACK_M)
 
     def eased(self, *, lead_m: float = 0.0, swing_m: float = 0.0) -> RejoinRoom:
@@ -95,6 +99,12 @@ class RejoinRoom:
         room._way_out_m, room._swing_m = WAY_OUT_M + lead_m, swing_m
         return room
 
+    def leaving(self) -> RejoinRoom:
+        """Give the same room for ways that lead off what the car touches from the first centimetre on."""
+        room = copy(self)
+        room._leaves = LEAVES
+        return room
+
     def valid(self, poses: FloatArray) -> npt.NDArray[np.bool_]:
         """Which of the poses (k, 3) the car may take, shape (k,)."""
         row, col = self._cells(outline(poses, self._spec, 0.0))
@@ -103,6 +113,7 @@ class RejoinRoom:
         way_out_m = np.maximum(self._way_out_m, 2.0 * self._depths)
         share = np.clip(2.0 * (1.0 - away[:, None] / way_out_m), 0.0, 1.0)
         bearable = (self._depths + self._swing_m) * share + self._slack_m
+        bearable -= np.where(self._touching, np.minimum(self._leaves * away[:, None], TOUCHES_M), 0.0)
         return held_by_nobody & (self._too_near(poses) <= bearable).all(axis=1)
 
     def _cells(self, points: FloatArray) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:

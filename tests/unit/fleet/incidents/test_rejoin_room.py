@@ -138,3 +138,18 @@ def test_a_car_whose_nose_touches_a_wall_does_not_come_to_it_with_its_tail(simul
     flush_with_tail = 1.0 + car.half_width_m * np.cos(0.1) + car.rear_m * np.sin(0.1) + 0.001
     assert not valid(room, 4.05, flush_with_tail, 0.1)
     assert valid(room, 4.05, flush_with_tail + 0.015, 0.1)
+
+
+def test_a_car_whose_corner_touches_a_wall_leaves_it_at_once(simulation: Simulation) -> None:
+    """Forward along the wall its corner scrapes by the error of the follower: backwards it does not."""
+    car = simulation.scene.car
+    nose_in = -0.2
+    lowest = car.half_width_m * np.cos(nose_in) - car.front_m * np.sin(nose_in)
+    y = 1.0 + lowest
+    room = room_of(simulation, (4.0, y, nose_in))
+    leaving = room.leaving()
+    assert valid(leaving, 4.0, y, nose_in)
+    assert valid(room, 4.05, y, nose_in)
+    assert not valid(leaving, 4.05, y, nose_in), "along the wall"
+    back = (4.0 - 0.05 * np.cos(nose_in), y - 0.05 * np.sin(nose_in), nose_in)
+    assert valid(leaving, *back)
