@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import tempfile
 from collections.abc import Iterable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from benchmarks.harness import Kind, Row, Trial
@@ -17,6 +18,8 @@ PHYSICS_SIM_S = 10.0
 """The same with physics, which costs alike from the first second on."""
 WALL_S, QUICK_WALL_S = 1800.0, 60.0
 """Most wall time of a run [s]."""
+SHARED_BY_TWO, QUICK_SHARED = 1_000, 100
+"""Cars of the fleet whose physics two processes share."""
 QUICK_MOST = 200
 """Greatest fleet that --quick makes."""
 AT_WORK = 0.8
@@ -62,6 +65,21 @@ def measure_physics(trial: Trial) -> Iterator[Row]:
         target = "<= 1.3" if most == 1000 else ""
         name = f"physics: cost of a car among {most:,}, by that among {least:,}"
         yield Row(name=name, value=costs[most] / costs[least], unit="", target=target)
+    yield from _measure_workers(trial)
+
+
+def _measure_workers(trial: Trial) -> Iterator[Row]:
+    """Two processes that share the physics of a fleet, by two fleets at once that share nothing."""
+    n = SHARED_BY_TWO if not trial.quick else QUICK_SHARED
+    shared = _cell(trial, n, Fidelity.PHYSICS, PHYSICS_SIM_S, n_workers=2)
+    with ThreadPoolExecutor() as pool:
+        apart = list(pool.map(lambda _: _cell(trial, n, Fidelity.PHYSICS, PHYSICS_SIM_S), range(2)))
+    factors = [cell.real_time_factor if cell is not None else None for cell in (shared, *apart)]
+    if None in factors:
+        return
+    one, *both = (factor or 0.0 for factor in factors)
+    name = f"{n:,} cars, physics: two processes share it, by two fleets at once"
+    yield Row(name=name, value=100.0 * one / sum(both), unit="%", target="" if trial.quick else ">= 85")
 
 
 def _rows(
@@ -83,7 +101,7 @@ def _memory(n: int, fidelity: Fidelity, cell: CellFigures, target: str) -> Row:
     return Row(name=f"{n:,} cars, {fidelity}: memory", value=cell.memory_mb, unit="MB", target=target)
 
 
-def _cell(trial: Trial, n: int, fidelity: Fidelity, sim_s: float) -> CellFigures | None:
+def _cell(trial: Trial, n: int, fidelity: Fidelity, sim_s: float, *, n_workers: int = 1) -> CellFigures | None:
     """Measure one fleet; what could not be is said below the table."""
     if trial.quick and n > QUICK_MOST:
         trial.notes.append(f"{n:,} cars, {fidelity}: not with --quick")
@@ -91,7 +109,8 @@ def _cell(trial: Trial, n: int, fidelity: Fidelity, sim_s: float) -> CellFigures
     nobody: Sequence[int] = ()
     with tempfile.TemporaryDirectory() as folder:
         wall_s, most_sim_s = (QUICK_WALL_S, min(sim_s, QUICK_SIM_S)) if trial.quick else (WALL_S, sim_s)
-        answer = run_cell(n, fidelity, Path(folder) / "floor.toml", wall_s, nobody, most_sim_s=most_sim_s)
+        floor = Path(folder) / "floor.toml"
+        answer = run_cell(n, fidelity, floor, wall_s, nobody, most_sim_s=most_sim_s, n_workers=n_workers)
     if isinstance(answer, str):
         trial.notes.append(f"{n:,} cars, {fidelity}: {answer}")
         return None

@@ -7,6 +7,8 @@ puts in order.
 
 from __future__ import annotations
 
+import time
+
 import numpy as np
 import numpy.typing as npt
 
@@ -32,17 +34,27 @@ class BareLoop:
     Args:
         scene: Robots and boxes.
         n_parcels: Parcels on the slots of the site.
-        n_rays: Rays of each car's lidar.
+        n_rays: Rays of each car's lidar, which may be none.
         n_steps: Physics steps per control step.
         like_fleet: The floor is as rough as in the fleet's world; else as the engine makes it by itself.
+        physics_hz: Physics steps a second.
     """
 
-    def __init__(self, scene: Scene, n_parcels: int, n_rays: int, n_steps: int, *, like_fleet: bool = False) -> None:
+    def __init__(
+        self,
+        scene: Scene,
+        n_parcels: int,
+        n_rays: int,
+        n_steps: int,
+        *,
+        like_fleet: bool = False,
+        physics_hz: float = PHYSICS_HZ,
+    ) -> None:
         self._client = client = Client()
-        config = BulletConfig(tick_s=exact_tick_s(n_steps, PHYSICS_HZ), n_steps_per_call=n_steps)
+        config = BulletConfig(tick_s=exact_tick_s(n_steps, physics_hz), n_steps_per_call=n_steps)
         client.setGravity(0.0, 0.0, -9.81)
         client.setPhysicsEngineParameter(
-            fixedTimeStep=1.0 / PHYSICS_HZ,
+            fixedTimeStep=1.0 / physics_hz,
             numSolverIterations=config.n_iterations,
             solverResidualThreshold=config.residual,
             contactBreakingThreshold=config.contact_breaking_m,
@@ -93,10 +105,16 @@ class BareLoop:
             x, y, z = (float(a) for a in box.centre_m)
             client.createMultiBody(0.3, cube, basePosition=(x, y, z + float(box.half_m[2]) + 0.03))
         self._n_steps = n_steps
+        self.engine_s = 0.0
+        """Computing time of the physics steps alone so far [s]."""
         self._forces = scene.arm.max_torque_nm.tolist()
         self._drive_nm, self._steer_nm = [0.6] * 4, [10.0] * 2
         model = scene.car
-        self._ring = LidarRing(Lidar(n_rays=n_rays, noise_m=0.0), model.front_m, model.rear_m, model.half_width_m)
+        self._ring = (
+            LidarRing(Lidar(n_rays=n_rays, noise_m=0.0), model.front_m, model.rear_m, model.half_width_m)
+            if n_rays
+            else None
+        )
         self._state = client.saveState()
 
     def reset(self) -> None:
@@ -126,16 +144,19 @@ class BareLoop:
             client.setJointMotorControlArray(
                 body, self._joints, client.VELOCITY_CONTROL, targetVelocities=speeds, forces=self._forces
             )
+        begin = time.process_time()
         for _ in range(self._n_steps):
             client.stepSimulation()
+        self.engine_s += time.process_time() - begin
         read: list[object] = []
         poses = np.empty((len(self._cars), 3))
         for car, body in enumerate(self._cars):
             place, turn = client.getBasePositionAndOrientation(body)
             poses[car] = place[0], place[1], client.getEulerFromQuaternion(turn)[2]
             read += [client.getBaseVelocity(body), client.getJointStates(body, self._hinges)]
-        origins, ends = self._ring.rays(poses)
-        read.append([hit[2] for hit in client.rayTestBatch(origins.tolist(), ends.tolist())])
+        if self._ring is not None:
+            origins, ends = self._ring.rays(poses)
+            read.append([hit[2] for hit in client.rayTestBatch(origins.tolist(), ends.tolist())])
         for body in self._arms:
             read += [client.getJointStates(body, self._joints), client.getLinkState(body, 6)]
         return read

@@ -17,6 +17,7 @@ from fleet.config import (
     Fidelity,
     Grip,
     Perception,
+    PhysicsConfig,
     RunConfig,
     StreamConfig,
     StreamKind,
@@ -74,6 +75,8 @@ class Demo:
     """Parcels are put on the racks beside the middle of their slot and turned."""
     fidelity: Fidelity = Fidelity.PHYSICS
     """How robots are moved."""
+    workers: int = 1
+    """Processes that share the physics of more than 60 cars; the run is the same with any number."""
     planner: Annotated[str, tyro.conf.arg(help=f"Path planner of the fleet: {PLANNERS.valid}.")] = DEFAULT_PLANNER
     planner_setting: tuple[str, ...] = ()
     """A setting of the path planner, as name=value; once for each setting. A name that does not exist is answered with
@@ -129,6 +132,7 @@ class Demo:
                 planner=self.planner,
                 planner_settings=member_settings(self.settings, "planner", self.planner, self.planner_setting),
             ),
+            physics=PhysicsConfig(workers_n=self.workers),
             battery=BatteryConfig(enabled=self.battery),
             allocation=AllocationConfig(
                 allocator=self.allocator,

@@ -15,6 +15,7 @@ from fleet.config.choices import Perception as Perception
 from fleet.config.choices import StreamKind as StreamKind
 from fleet.config.events import EVENT_KINDS as EVENT_KINDS
 from fleet.config.events import ScenarioEvent as ScenarioEvent
+from fleet.config.physics import PhysicsConfig as PhysicsConfig
 from fleet.config.run_config import MOST_TASKS as MOST_TASKS
 from fleet.config.run_config import RunConfig as RunConfig
 from fleet.config.settings import SettingValue as SettingValue

@@ -15,6 +15,7 @@ from fleet.config.cars import BatteryConfig, CarConfig, EstimateConfig
 from fleet.config.changes import MEMBERS, SettingChange
 from fleet.config.choices import Connect, Fidelity, Grip, Perception
 from fleet.config.events import ScenarioEvent
+from fleet.config.physics import PhysicsConfig
 from fleet.config.settings import Settings, not_negative, positive, require
 from fleet.config.stream import StreamConfig
 from fleet.config.traffic import TrafficConfig
@@ -66,6 +67,7 @@ class RunConfig(Settings):
     allocation: AllocationConfig = field(default_factory=AllocationConfig)
     timeouts: TimeoutConfig = field(default_factory=TimeoutConfig)
     arms: ArmConfig = field(default_factory=ArmConfig)
+    physics: PhysicsConfig = field(default_factory=PhysicsConfig)
     estimate: EstimateConfig = field(default_factory=EstimateConfig)
     battery: BatteryConfig = field(default_factory=BatteryConfig)
 
@@ -81,6 +83,9 @@ class RunConfig(Settings):
         apart = self.fidelity is not Fidelity.MIXED or self.connect is Connect.DIRECT
         valid = "DIRECT with --fidelity mixed, where every region has an engine of its own"
         require(apart, "connect", str(self.connect), valid)
+        shared = self.physics.workers_n == 1 or (self.fidelity is Fidelity.PHYSICS and self.connect is Connect.DIRECT)
+        valid = "1, or more with --fidelity physics and neither a window nor a physics server"
+        require(shared, "--workers", self.physics.workers_n, valid)
         require(self.robots >= 1, "--robots", self.robots, "an integer >= 1")
         fits = self.tasks is None or 1 <= self.tasks <= MOST_TASKS
         require(fits, "--tasks", self.tasks, f"an integer from 1 to {MOST_TASKS}")

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fleet.config import ArmConfig, Fidelity, RunConfig
+from fleet.config import ArmConfig, Fidelity, PhysicsConfig, RunConfig
 from fleet.errors import FleetError
 from fleet.scale.floors import floor_for
 from fleet.simulation import Simulation
@@ -64,6 +64,7 @@ def run_cell(
     interrupted: Sequence[int],
     *,
     most_sim_s: float = MOST_SIM_S,
+    n_workers: int = 1,
 ) -> CellFigures | str:
     """Measure one cell in a process of its own.
 
@@ -74,6 +75,7 @@ def run_cell(
         wall_s: Most wall time, start of the process included [s].
         interrupted: Becomes non-empty when the user wants to stop.
         most_sim_s: Simulated time after which it has seen enough [s].
+        n_workers: Processes that share the physics.
 
     Returns:
         Figures, or why there are none.
@@ -84,7 +86,7 @@ def run_cell(
     until = time.time() + wall_s
     context = multiprocessing.get_context("spawn")
     here, there = context.Pipe(duplex=False)
-    words = (there, n_cars, fidelity, floor, until - SPARE_S, most_sim_s)
+    words = (there, n_cars, fidelity, floor, until - SPARE_S, most_sim_s, n_workers)
     process = context.Process(target=_answer, args=words, daemon=True)
     process.start()
     there.close()
@@ -107,16 +109,23 @@ def run_cell(
     return answer
 
 
-def _answer(there: Connection, n_cars: int, fidelity: Fidelity, floor: Path, until: float, most_sim_s: float) -> None:
+def _answer(
+    there: Connection, n_cars: int, fidelity: Fidelity, floor: Path, until: float, most_sim_s: float, n_workers: int
+) -> None:
     begin_process()
     try:
-        there.send(measure_cell(n_cars, fidelity, floor, until, most_sim_s))
+        there.send(measure_cell(n_cars, fidelity, floor, until, most_sim_s, n_workers))
     except FleetError as error:
         there.send(error)
 
 
 def measure_cell(
-    n_cars: int, fidelity: Fidelity, floor: Path, until: float, most_sim_s: float = MOST_SIM_S
+    n_cars: int,
+    fidelity: Fidelity,
+    floor: Path,
+    until: float,
+    most_sim_s: float = MOST_SIM_S,
+    n_workers: int = 1,
 ) -> CellFigures:
     """Measure one cell in this process.
 
@@ -126,6 +135,7 @@ def measure_cell(
         floor: Site file; made if it is not there.
         until: When to stop, as `time.time` has it [s].
         most_sim_s: Simulated time after which it has seen enough [s].
+        n_workers: Processes that share the physics.
 
     Raises:
         FleetError: The run was refused.
@@ -140,6 +150,7 @@ def measure_cell(
         duration_s=most_sim_s,
         fidelity=fidelity,
         arms=ArmConfig(workers_n=0),
+        physics=PhysicsConfig(workers_n=n_workers),
     )
     with Simulation(config) as simulation:
         world = simulation.world

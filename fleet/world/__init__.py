@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from fleet.config import Fidelity, Perception, RunConfig
+from dataclasses import replace
+
+from fleet.config import Connect, Fidelity, Perception, RunConfig
 from fleet.world.grid import GridWorld
 from fleet.world.kinematic import KinematicWorld
 from fleet.world.protocol import World
@@ -23,7 +25,14 @@ def make_world(scene: Scene, graph: LaneGraph, config: RunConfig) -> World:
             grip=config.grip,
             grip_force_n=config.grip_force_n,
         )
-        return BulletWorld(scene, settings)
+        physics = config.physics
+        if config.connect is not Connect.DIRECT or len(scene.car_start) <= physics.plain_cars_n:
+            return BulletWorld(scene, settings)
+        from fleet.world.tiled.config import TiledConfig
+        from fleet.world.tiled.world import TiledWorld
+
+        seen = replace(settings, visuals=config.perception is Perception.CAMERA)
+        return TiledWorld(scene, TiledConfig(bullet=seen, n_cars=physics.tile_cars_n, n_workers=physics.workers_n))
     if config.fidelity is Fidelity.MIXED:
         from fleet.world.mixed.config import MixedConfig
         from fleet.world.mixed.world import MixedWorld

@@ -119,6 +119,8 @@ def test_every_option_of_the_demo_takes_another_value() -> None:
         "--grip-force",
         "30",
         "--askew",
+        "--workers",
+        "2",
         "--planner-setting",
         "impatience=2",
         "--planner-setting=impatience=3",

@@ -27,6 +27,8 @@ try:
     from fleet.world.bullet.engine.config import BulletConfig
     from fleet.world.bullet.world import BulletWorld
     from fleet.world.mixed.world import MixedWorld
+    from fleet.world.tiled.config import TiledConfig
+    from fleet.world.tiled.world import TiledWorld
 except ImportError:  # pragma: no cover - only where pybullet is not installed
     BulletWorld = None  # type: ignore[assignment, misc]
 
@@ -82,11 +84,12 @@ CASES = {
     "grid": Case(make=lambda: GridWorld(scene(), GRAPH, GridConfig(tick_s=0.05, timestep_s=1.0)), go=hop),
     "mixed": Case(make=lambda: MixedWorld(scene()), go=steer),
     "bullet": Case(make=lambda: BulletWorld(scene(), BulletConfig()), go=steer),
+    "tiled": Case(make=lambda: TiledWorld(scene(), TiledConfig(n_cars=1)), go=steer),
+    "tiled_workers": Case(make=lambda: TiledWorld(scene(), TiledConfig(n_cars=1, n_workers=2)), go=steer),
 }
 ABSENT = pytest.mark.skipif(BulletWorld is None, reason="needs pybullet")
-PARAMS = [
-    pytest.param(name, marks=[pytest.mark.bullet, ABSENT] if name in ("mixed", "bullet") else []) for name in CASES
-]
+PLAIN = ("kinematic", "grid")
+PARAMS = [pytest.param(name, marks=[] if name in PLAIN else [pytest.mark.bullet, ABSENT]) for name in CASES]
 
 
 @pytest.fixture(params=PARAMS)

@@ -47,6 +47,15 @@ class _Push:
     steps: int
 
 
+class CarBodyMotion(NamedTuple):
+    """All that a car takes along from one world to another."""
+
+    numbers: list[float]
+    """Place, quaternion, linear and angular velocity, then angle and speed of each wheel and hinge."""
+    push: _Push | None
+    """A shove under way."""
+
+
 class CarReading(NamedTuple):
     """What the engine says of the cars at one moment; nobody changes it."""
 
@@ -115,15 +124,8 @@ class Cars:
         self._substep_s = substep_s
         self._drive_nm, self._brake_nm = ([limit * limit_share] * len(WHEELS) for limit in (_DRIVE_NM, _BRAKE_NM))
         self._steer_nm = _STEER_NM * limit_share
-        self.bodies: list[int] = []
-        for x, y, yaw in start:
-            body = client.load_urdf(
-                urdf,
-                basePosition=(float(x), float(y), 0.0),
-                baseOrientation=quaternion(yaw),
-                flags=client.URDF_USE_INERTIA_FROM_FILE,
-            )
-            self.bodies.append(body)
+        self._urdf, self._has_brakes = urdf, brakes
+        self.bodies: list[int] = [client.load_car(urdf, pose) for pose in start]
         poses = np.array(start, dtype=np.float64).reshape(-1, 3)
         still = np.zeros(len(poses))
         frames = np.zeros((len(poses), 3, 4))
@@ -147,26 +149,30 @@ class Cars:
         self._wheels: list[int] = []
         self._hinges: list[int] = []
         self._com = np.zeros(3)
-        if self.bodies:
-            joints = range(client.getNumJoints(self.bodies[0]))
-            names = {client.getJointInfo(self.bodies[0], joint)[1].decode(): joint for joint in joints}
+        self._brakes: list[int] = []
+        for body in self.bodies:
+            self._equip(body)
+
+    def _equip(self, body: int) -> None:
+        """Say what a car's wheels touch, and give it a brake."""
+        client = self._client
+        if not self._wheels:
+            names = {client.getJointInfo(body, joint)[1].decode(): joint for joint in range(client.getNumJoints(body))}
             self._wheels = [names[f"{wheel}_spin"] for wheel in WHEELS]
             self._hinges = [names[hinge] for hinge in HINGES]
             # Bullet reports the pose of the centre of mass; this is where it lies in the rear-axle frame.
-            self._com = np.array(client.getDynamicsInfo(self.bodies[0], -1)[3])
+            self._com = np.array(client.getDynamicsInfo(body, -1)[3])
+        for wheel in self._wheels:
+            client.setCollisionFilterGroupMask(body, wheel, groups.MOVING, groups.WHEELS_MASK)
+        if not self._has_brakes:
+            return
         # Made once and switched by their force: constraints that come and go would make snapshots inexact.
-        self._brakes: list[int] = []
-        for body in self.bodies:
-            for wheel in self._wheels:
-                client.setCollisionFilterGroupMask(body, wheel, groups.MOVING, groups.WHEELS_MASK)
-            if not brakes:
-                continue
-            place, quat = client.getBasePositionAndOrientation(body)
-            brake = client.createConstraint(
-                body, -1, -1, -1, client.JOINT_FIXED, (0, 0, 0), (0, 0, 0), place, (0, 0, 0, 1), quat
-            )
-            client.changeConstraint(brake, maxForce=0.0)
-            self._brakes.append(brake)
+        place, quat = client.getBasePositionAndOrientation(body)
+        brake = client.createConstraint(
+            body, -1, -1, -1, client.JOINT_FIXED, (0, 0, 0), (0, 0, 0), place, (0, 0, 0, 1), quat
+        )
+        client.changeConstraint(brake, maxForce=0.0)
+        self._brakes.append(brake)
 
     def drive(self, commands: FloatArray) -> None:
         """Set the motors; a command equal to the last one costs nothing.
@@ -273,23 +279,78 @@ class Cars:
 
     def state(self) -> list[float]:
         """All positions and velocities of the cars, one after the other."""
+        return [number for body in self.bodies for number in self._numbers(body)]
+
+    def _numbers(self, body: int) -> list[float]:
         client = self._client
         numbers: list[float] = []
-        for body in self.bodies:
-            for part in (*client.getBasePositionAndOrientation(body), *client.getBaseVelocity(body)):
-                numbers.extend(part)
-            for joint in client.getJointStates(body, self._wheels + self._hinges):
-                numbers.extend(joint[:2])
+        for part in (*client.getBasePositionAndOrientation(body), *client.getBaseVelocity(body)):
+            numbers.extend(part)
+        for joint in client.getJointStates(body, self._wheels + self._hinges):
+            numbers.extend(joint[:2])
         return numbers
 
     def place(self, state: list[float]) -> None:
         """Set what `state` gives."""
-        client, joints = self._client, self._wheels + self._hinges
-        for body, numbers in zip(self.bodies, _split(state, 13 + 2 * len(joints)), strict=True):
-            client.resetBasePositionAndOrientation(body, numbers[:3], numbers[3:7])
-            client.resetBaseVelocity(body, numbers[7:10], numbers[10:13])
-            for joint, (position, velocity) in zip(joints, _split(numbers[13:], 2), strict=True):
-                client.resetJointState(body, joint, position, velocity)
+        each = 13 + 2 * len(self._wheels + self._hinges)
+        for body, numbers in zip(self.bodies, _split(state, each), strict=True):
+            self._set(body, numbers)
+
+    def _set(self, body: int, numbers: list[float]) -> None:
+        client = self._client
+        client.resetBasePositionAndOrientation(body, numbers[:3], numbers[3:7])
+        client.resetBaseVelocity(body, numbers[7:10], numbers[10:13])
+        for joint, (position, velocity) in zip(self._wheels + self._hinges, _split(numbers[13:], 2), strict=True):
+            client.resetJointState(body, joint, position, velocity)
+
+    def motion(self, car: int) -> CarBodyMotion:
+        """Measure all that a car's body has, to the last bit, for `admit` of another world."""
+        return CarBodyMotion(numbers=self._numbers(self.bodies[car]), push=copy.deepcopy(self._pushes.get(car)))
+
+    def admit(self, pose: FloatArray, motion: CarBodyMotion | None) -> None:
+        """Load one more car, as the last one; none may be aside.
+
+        Args:
+            pose: Of its rear axle, x, y, yaw, shape (3,).
+            motion: What it goes on from; None = it stands.
+        """
+        body = self._client.load_car(self._urdf, pose)
+        self.bodies.append(body)
+        self._equip(body)
+        self._list_anew(len(self.bodies), np.arange(len(self.bodies) - 1))
+        if motion is not None:
+            self._set(body, motion.numbers)
+            if motion.push is not None:
+                self._pushes[len(self.bodies) - 1] = copy.deepcopy(motion.push)
+        self.now = self.reading()
+
+    def dismiss(self, car: int) -> None:
+        """Take a car out; those after it move up by one place."""
+        client, body = self._client, self.bodies.pop(car)
+        if self._has_brakes:
+            client.removeConstraint(self._brakes.pop(car))
+        client.removeBody(body)
+        self._pushes = {other - (other > car): push for other, push in self._pushes.items() if other != car}
+        kept = np.delete(np.arange(len(self.bodies) + 1), car)
+        now = self.now
+        self.now = now._replace(
+            poses=now.poses[kept],
+            speeds=now.speeds[kept],
+            steering=now.steering[kept],
+            centres=now.centres[kept],
+            frames=now.frames[kept],
+        )
+        self._list_anew(len(self.bodies), kept)
+
+    def _list_anew(self, n: int, kept: IntArray) -> None:
+        """Make what is known of each car `n` long, and keep of the cars that were there some."""
+        fresh = {"_sent": np.nan, "_unset": True, "_parked": False, "_parked_at": 0.0, "_aside": False}
+        for name, new in fresh.items():
+            before = getattr(self, name)
+            now = np.full((n, *before.shape[1:]), new, dtype=before.dtype)
+            now[: len(kept)] = before[kept]
+            setattr(self, name, now)
+        self._changed, self._fresh = np.empty(n, dtype=np.int64), np.empty((2, n))
 
     def stand(self, poses: FloatArray) -> None:
         """Let the cars stand elsewhere, on their wheels as they do now.

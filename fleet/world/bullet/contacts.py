@@ -47,14 +47,14 @@ class ContactMonitor:
     def __init__(self, client: Client, car: CarSpec, cars: list[int], arms: list[int], substep_s: float) -> None:
         self._client = client
         self._spec = car
-        self._cars = {body: index for index, body in enumerate(cars)}
         self._arms = {body: index for index, body in enumerate(arms)}
         self._pause = max(1, round(_PAUSE_S / substep_s))
         self._step = 0
         self._last: dict[tuple[int, int], int] = {}
         self.counts = Contacts()
-        self.of_cars: IntArray = np.zeros(len(cars), dtype=np.int64)
-        """Contacts of each car so far, shape (n_cars,)."""
+        self.change_cars(cars)
+        self.mirrors: dict[int, set[int]] = {}
+        """Cars of other worlds, by their bodies, and of this world's cars those whose touches with each count there."""
         self.of_arms: IntArray = np.zeros(len(arms), dtype=np.int64)
         """Contacts of each arm so far, shape (n_arms,)."""
         self.fixed: set[int] = set()
@@ -66,6 +66,12 @@ class ContactMonitor:
         self._free = [False] * len(arms)
         self.touched: list[dict[int, set[int]]] = [{} for _ in arms]
         """Parcels that the links of each arm touch: ``touched[arm][link]``."""
+
+    def change_cars(self, bodies: list[int]) -> None:
+        """Count anew for other cars."""
+        self._cars = {body: index for index, body in enumerate(bodies)}
+        self.of_cars: IntArray = np.zeros(len(bodies), dtype=np.int64)
+        """Contacts of each car so far, shape (n_cars,)."""
 
     def observe(
         self,
@@ -101,7 +107,7 @@ class ContactMonitor:
                     self._load(arm, body, point)
         for car, other in near:
             if any(_touches(point) for point in ask(car, other)):
-                self._touch(car, other, robot=other in self._cars)
+                self._touch(car, other, robot=other in self._cars or other in self.mirrors)
 
     def look_again(self) -> None:
         """Ask about every arm at the next step, since fixed things came or went."""
@@ -161,7 +167,7 @@ class ContactMonitor:
         if holder >= 0:
             self.of_arms[holder] += 1
         if robot:
-            self.counts.robot += 1
+            self.counts.robot += body not in self.mirrors.get(other, ())
         else:
             self.counts.static += 1
 

@@ -17,7 +17,7 @@ from fleet.robots.tools import TOOLS
 from fleet.sensors.camera import Camera, CameraImage
 from fleet.world.bullet.arms import Arms, MotorSteps
 from fleet.world.bullet.camera import render
-from fleet.world.bullet.cars import CarReading, Cars
+from fleet.world.bullet.cars import CarBodyMotion, CarReading, Cars
 from fleet.world.bullet.clearance import Clearance, Moment
 from fleet.world.bullet.contacts import ContactMonitor
 from fleet.world.bullet.engine import groups
@@ -26,6 +26,7 @@ from fleet.world.bullet.engine.config import BulletConfig
 from fleet.world.bullet.engine.urdf_text import without_visuals
 from fleet.world.bullet.engine.window import EngineWindow, arranged
 from fleet.world.bullet.fixed import FixedBodies
+from fleet.world.bullet.ghosts import Ghosts
 from fleet.world.bullet.grip import make_grip
 from fleet.world.bullet.parcels import Parcels
 from fleet.world.bullet.rays import Rays
@@ -158,9 +159,8 @@ class BulletWorld:
             raise
         self.window = EngineWindow(client, self._cars.bodies) if config.connect is Connect.GUI else None
         """The engine's own window, if it has one here."""
-        # Wheels touch nothing but the floor.
-        self._links = [(arm, link) for arm in self._arms.bodies for link in range(-1, client.getNumJoints(arm))]
-        self._links += [(car, -1) for car in self._cars.bodies]
+        self._ghosts = Ghosts(client, scene.car)
+        self._arm_links = [(arm, link) for arm in self._arms.bodies for link in range(-1, client.getNumJoints(arm))]
         self._clearance = Clearance(scene, tool)
         self._empty = np.full((self.n_arms, 4), -1.0)
         self._rays = Rays(client, scene, self._arms.bodies)
@@ -255,6 +255,10 @@ class BulletWorld:
         self._monitor.look_again()
         self._near = self._measure()
 
+    def obstacle_ids(self) -> set[int]:
+        """Ids of the boxes that were added and not removed."""
+        return set(self._fixed.obstacles())
+
     def push_car(self, car: int, dx_m: float, dy_m: float, dyaw_rad: float) -> None:
         """Shove a car for half a second: by that much in the world's frame, unless something is in the way."""
         self._cars.push(car, np.array([dx_m, dy_m, dyaw_rad]))
@@ -285,6 +289,58 @@ class BulletWorld:
         self._cars.enter(car, pose, speed_mps, steering_rad)
         self._monitor.look_again()
         self._near = self._measure()
+
+    def car_motion(self, car: int) -> CarBodyMotion:
+        """All that a car takes along into another world."""
+        return self._cars.motion(car)
+
+    def admit_car(self, pose: FloatArray, motion: CarBodyMotion | None = None) -> None:
+        """Let one more car come, as the last one.
+
+        Args:
+            pose: Of its rear axle x, y, yaw, shape (3,).
+            motion: What it takes along; None = it stands.
+        """
+        self._cars.admit(pose, motion)
+        self._other_cars()
+
+    def dismiss_car(self, car: int) -> None:
+        """Let a car go; those after it move up by one place."""
+        self._cars.dismiss(car)
+        self._other_cars()
+
+    def show_ghosts(self, numbers: list[int], poses: FloatArray, own: list[int]) -> None:
+        """Show cars of other worlds: what runs into them is stopped, and counts.
+
+        Args:
+            numbers: Which they are, in the numbers of the fleet.
+            poses: Of their rear axles x, y, yaw, shape (g, 3).
+            own: Numbers of this world's cars; a touch with a ghost of a lower one is counted in the ghost's world.
+        """
+        if not numbers and not self._ghosts.bodies:
+            return
+        self._ghosts.show(numbers, poses)
+        bodies = self._cars.bodies
+        self._monitor.mirrors = {
+            ghost: {body for body, mine in zip(bodies, own, strict=True) if mine > number}
+            for number, ghost in self._ghosts.bodies.items()
+        }
+        self._near = self._measure()
+
+    def in_tray(self, car: int) -> list[int]:
+        """Ids of the parcels that lie in a car's tray and in nobody's grip."""
+        spec, ids, poses = self._scene.car, self.parcel_ids(), self.parcel_poses()
+        x, y, yaw = self._cars.now.poses[car]
+        c, s = np.cos(yaw), np.sin(yaw)
+        dx, dy = poses[:, 0] - x, poses[:, 1] - y
+        length, width, _ = spec.tray_size_m
+        inside = (np.abs(c * dx + s * dy - spec.tray_x_m) <= length / 2) & (np.abs(c * dy - s * dx) <= width / 2)
+        inside &= (poses[:, 2] >= spec.tray_floor_z_m) & ~np.isin(ids, self.held())
+        return [int(parcel) for parcel in ids[inside]]
+
+    def parcel_motion(self, parcel: int) -> FloatArray:
+        """Pose, linear and angular velocity of a parcel, shape (13,) [m, m/s, rad/s]."""
+        return self._parcels.motion(parcel)
 
     def rests(self, slow: float) -> bool:
         """Whether nothing moves, or was told to.
@@ -426,12 +482,22 @@ class BulletWorld:
 
     def _measure(self) -> list[tuple[int, int]]:
         """Update the smallest clearance and name the bodies that cars can touch within a tick."""
-        now, fixed = self._cars.now, self._fixed
-        moment = Moment(poses=now.poses, q=self._arms.q, held=self._held_spheres(), serving=self._monitor.serving)
+        now, fixed, ghosts = self._cars.now, self._fixed, self._ghosts
+        cars, n_own, poses = self._cars.bodies, len(self._cars.bodies), now.poses
+        if ghosts.bodies:
+            cars, poses = [*cars, *ghosts.bodies.values()], np.concatenate((poses, ghosts.poses))
+        moment = Moment(poses=poses, q=self._arms.q, held=self._held_spheres(), serving=self._monitor.serving)
         pairs, beside = self._clearance.look(moment, fixed.plans, _NEAR_MARGIN_M + 2 * now.top_speed * self.tick_s)
-        cars = self._cars.bodies
-        near = [(cars[i], cars[j]) for i, j in pairs.tolist()]
-        return near + [(cars[i], fixed.plan_bodies[j]) for i, j in beside.tolist()]
+        # The first of a pair is the lower one: two ghosts are looked at by their own worlds.
+        near = [(cars[i], cars[j]) for i, j in pairs.tolist() if i < n_own]
+        return near + [(cars[i], fixed.plan_bodies[j]) for i, j in beside.tolist() if i < n_own]
+
+    def _other_cars(self) -> None:
+        """Cars came or went."""
+        self.n_cars = len(self._cars.bodies)
+        self._monitor.change_cars(self._cars.bodies)
+        self._monitor.look_again()
+        self._near = self._measure()
 
     def _held_spheres(self) -> FloatArray:
         spheres = self._empty
@@ -446,7 +512,9 @@ class BulletWorld:
     def _search(self, *, on: bool) -> None:
         """Let the engine look for bodies that touch, or forget all that it knows of any."""
         filtered, floor = self._client.setCollisionFilterGroupMask, self._monitor.floor
-        moving = self._links + [(self._parcels.body(parcel), -1) for parcel in self._parcels.ids()]
+        # Wheels touch nothing but the floor.
+        moving = self._arm_links + [(car, -1) for car in self._cars.bodies]
+        moving += [(self._parcels.body(parcel), -1) for parcel in self._parcels.ids()]
         group, mask = (groups.MOVING, groups.ALL) if on else (0, 0)
         # The floor touches everything: without it the engine has few pairs to go through.
         if not on:
@@ -458,7 +526,7 @@ class BulletWorld:
 
     def _visitors(self) -> tuple[int, ...]:
         parcels = tuple(self._parcels.body(parcel) for parcel in self._parcels.ids())
-        return parcels + self._fixed.obstacle_bodies()
+        return (*self._cars.bodies, *parcels, *self._fixed.obstacle_bodies())
 
     def _rebuild(self, snapshot: Snapshot) -> None:
         """Return to a snapshot whose parcels or obstacles are not all there any more."""

@@ -49,7 +49,6 @@ class Region:
     def __init__(self, scene: Scene, arms: list[int], config: MixedConfig) -> None:
         n_slots = config.n_slots + len(arms) - 1
         self._config = config
-        self._spec = scene.car
         self.arms = np.array(arms, dtype=np.int64)
         self._base = scene.arm_base[arms]
         part = region_scene(scene, arms, n_slots, config.near_m)
@@ -182,18 +181,6 @@ class Region:
         pose = self.world.parcel_poses()[row]
         self.world.remove_parcel(parcel)
         return replace(self.bodies.pop(parcel), pose=pose)
-
-    def in_tray(self, slot: int) -> list[int]:
-        """Ids of the parcels that lie in the tray of a slot's car and in nobody's grip."""
-        world, spec = self.world, self._spec
-        ids, poses, held = world.parcel_ids(), world.parcel_poses(), world.held()
-        x, y, yaw = world.car_poses()[slot]
-        c, s = np.cos(yaw), np.sin(yaw)
-        dx, dy = poses[:, 0] - x, poses[:, 1] - y
-        length, width, _ = spec.tray_size_m
-        inside = (np.abs(c * dx + s * dy - spec.tray_x_m) <= length / 2) & (np.abs(c * dy - s * dx) <= width / 2)
-        inside &= (poses[:, 2] >= spec.tray_floor_z_m) & ~np.isin(ids, held)
-        return [int(parcel) for parcel in ids[inside]]
 
     def add_obstacle(self, obstacle: int, centre_m: FloatArray, half_m: FloatArray) -> None:
         """Put a box up, if it reaches into the region, in place of an earlier one of the same id."""

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.sparse.csgraph import connected_components
 
 from fleet.arrays import FloatArray
+from fleet.world.arm_groups import arm_groups
 from fleet.world.mixed.config import MixedConfig
 from fleet.world.scene import Scene
 
@@ -28,10 +28,7 @@ def regions_of(scene: Scene, config: MixedConfig) -> list[list[int]]:
     xy = np.asarray(scene.arm_base, dtype=np.float64).reshape(-1, 4)[:, :2]
     if not len(xy):
         return []
-    apart = np.hypot(*(xy[:, None] - xy[None]).transpose(2, 0, 1))
-    _, label = connected_components(apart < config.neighbours_m, directed=False)
-    cells = [np.flatnonzero(label == k).tolist() for k in range(label.max() + 1)]
-    cells.sort(key=lambda arms: arms[0])
+    cells = arm_groups(xy, config.neighbours_m)
     # Stations are numbered along the walls, so neighbours in number are neighbours on the floor.
     n_regions = min(len(cells), config.n_regions(len(xy)))
     parts = np.array_split(np.arange(len(cells)), n_regions)

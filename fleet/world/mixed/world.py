@@ -441,7 +441,7 @@ class MixedWorld:
     def _hand_back(self, car: int) -> None:
         """Take a car out of its region, with what lies in its tray."""
         region, slot = self._regions[self._region_of[car]], int(self._slot_of[car])
-        for parcel in region.in_tray(slot):
+        for parcel in region.world.in_tray(slot):
             body = region.remove_parcel(parcel)
             self._loose_parcels.load_on(body, car, self._cars.poses[car])
             self._loose[parcel] = body

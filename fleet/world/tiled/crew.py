@@ -1,0 +1,180 @@
+"""TileCrew: the tiles of a world, in this process or shared by several."""
+
+from __future__ import annotations
+
+import os
+import pickle
+import subprocess
+import sys
+from contextlib import suppress
+from pathlib import Path
+from typing import IO, Any, NamedTuple, Protocol, cast
+
+from fleet.errors import BrokenRunError
+from fleet.world.scene import Scene
+from fleet.world.tiled.board import TileBoard
+from fleet.world.tiled.config import TiledConfig
+from fleet.world.tiled.split import Split
+from fleet.world.tiled.tile import Tile
+
+STEP = "step"
+"""Asked of all tiles in every tick."""
+
+
+class TileWorkerError(BrokenRunError):
+    """A process that computes tiles has ended."""
+
+
+class TileSetup(NamedTuple):
+    """What tiles are made of."""
+
+    scene: Scene
+    split: Split
+    config: TiledConfig
+
+
+class TileCrew(Protocol):
+    """Whoever has the tiles."""
+
+    def ask(self, tile: int, question: str, *words: Any) -> Any:
+        """Call a method of a tile; returns or raises what that does."""
+
+    def ask_all(self, question: str, *words: Any) -> list[Any]:
+        """Call a method of all tiles; returns what they return, in their order."""
+
+    def close(self) -> None:
+        """Free them; calling twice is harmless."""
+
+
+class LocalCrew:
+    """Tiles of this process.
+
+    Args:
+        setup: What they are made of.
+        board: Where they write.
+        numbers: Which of them.
+    """
+
+    def __init__(self, setup: TileSetup, board: TileBoard, numbers: list[int]) -> None:
+        self._tiles: dict[int, Tile] = {}
+        try:
+            for number in numbers:
+                self._tiles[number] = Tile(number, setup.scene, setup.split, setup.config, board)
+        except BaseException:
+            self.close()
+            raise
+
+    def ask(self, tile: int, question: str, *words: Any) -> Any:
+        """See `TileCrew`."""
+        return getattr(self._tiles[tile], question)(*words)
+
+    def ask_all(self, question: str, *words: Any) -> list[Any]:
+        """See `TileCrew`."""
+        return [getattr(tile, question)(*words) for tile in self._tiles.values()]
+
+    def close(self) -> None:
+        """See `TileCrew`."""
+        for tile in self._tiles.values():
+            tile.close()
+
+
+class WorkerCrew:
+    """Tiles of several processes, which work at the same time and end with this one.
+
+    A tile's number decides which process has it, and tiles never see one another within a tick, so the number of
+    processes changes nothing.
+
+    Args:
+        setup: What the tiles are made of.
+        board: Where they write.
+
+    Raises:
+        TileWorkerError: A process cannot be started, or ends.
+    """
+
+    def __init__(self, setup: TileSetup, board: TileBoard) -> None:
+        n_workers = min(setup.config.n_workers, setup.split.n_tiles)
+        self._n_tiles = setup.split.n_tiles
+        self._workers: list[_Worker] = []
+        try:
+            for worker in range(n_workers):
+                self._workers.append(_Worker(setup, board, list(range(worker, self._n_tiles, n_workers))))
+            for one in self._workers:
+                one.hear()
+        except BaseException:
+            self.close()
+            raise
+
+    def ask(self, tile: int, question: str, *words: Any) -> Any:
+        """See `TileCrew`."""
+        worker = self._workers[tile % len(self._workers)]
+        worker.say((tile, question, words))
+        return worker.hear()
+
+    def ask_all(self, question: str, *words: Any) -> list[Any]:
+        """See `TileCrew`."""
+        for worker in self._workers:
+            worker.say((None, question, words))
+        answers: list[Any] = [None] * self._n_tiles
+        for number, worker in enumerate(self._workers):
+            answers[number :: len(self._workers)] = worker.hear()
+        return answers
+
+    def close(self) -> None:
+        """See `TileCrew`."""
+        for worker in self._workers:
+            worker.end()
+
+
+class _Worker:
+    """One process of `fleet.world.tiled.worker`."""
+
+    def __init__(self, setup: TileSetup, board: TileBoard, numbers: list[int]) -> None:
+        self._numbers = numbers
+        memory = board.file.fileno()
+        os.set_inheritable(memory, True)
+        try:
+            # A session of its own: Ctrl-C reaches this process only, which then ends the workers in order.
+            self._process = subprocess.Popen(
+                [sys.executable, "-m", "fleet.world.tiled.worker"],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                cwd=Path(__file__).resolve().parents[3],
+                pass_fds=(memory,),
+                start_new_session=True,
+            )
+        except OSError as error:
+            raise TileWorkerError(f"a process for tiles cannot be started: {error.strerror or error}") from error
+        self.say((setup, board.sizes, memory, numbers))
+
+    def say(self, message: object) -> None:
+        """Hand over a message."""
+        pipe = cast("IO[bytes]", self._process.stdin)
+        with suppress(OSError):  # `hear` says why
+            pickle.dump(message, pipe, protocol=pickle.HIGHEST_PROTOCOL)
+            pipe.flush()
+
+    def hear(self) -> Any:
+        """Wait for the answer."""
+        try:
+            failed, answer = pickle.load(cast("IO[bytes]", self._process.stdout))
+        except (EOFError, OSError, pickle.UnpicklingError) as error:
+            status = self._process.wait()
+            raise TileWorkerError(
+                f"the process that computes tiles {self._numbers} has ended with status {status}; valid: one that runs "
+                "as long as the world, or --workers 1"
+            ) from error
+        if failed:
+            raise answer
+        return answer
+
+    def end(self) -> None:
+        """End the process."""
+        for pipe in (self._process.stdin, self._process.stdout):
+            with suppress(OSError):
+                cast("IO[bytes]", pipe).close()
+        try:
+            self._process.wait(timeout=2.0)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()

@@ -1,0 +1,47 @@
+"""A process that computes tiles: reads questions from standard input, writes answers to standard output."""
+
+from __future__ import annotations
+
+import os
+import pickle
+import sys
+
+from fleet.world.tiled.board import TileBoard
+from fleet.world.tiled.crew import LocalCrew
+
+
+def main() -> None:
+    """Answer until the input ends."""
+    questions = sys.stdin.buffer
+    # Libraries print from C to descriptor 1, which carries the answers: give it away.
+    answers = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)
+
+    def say(answer: object, *, failed: bool = False) -> None:
+        pickle.dump((failed, answer), answers, protocol=pickle.HIGHEST_PROTOCOL)
+        answers.flush()
+
+    try:
+        setup, sizes, memory, numbers = pickle.load(questions)
+        try:
+            with os.fdopen(memory, "r+b") as file:
+                crew = LocalCrew(setup, TileBoard(sizes, file), numbers)
+        except Exception as error:
+            say(error, failed=True)
+            return
+        say(None)
+        while True:
+            tile, question, words = pickle.load(questions)
+            try:
+                say(crew.ask_all(question, *words) if tile is None else crew.ask(tile, question, *words))
+            except Exception as error:
+                say(error, failed=True)
+    except (EOFError, BrokenPipeError):
+        pass
+    finally:
+        # Nothing that libraries do on a normal exit is needed.
+        os._exit(0)
+
+
+if __name__ == "__main__":
+    main()
