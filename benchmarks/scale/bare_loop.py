@@ -62,10 +62,10 @@ def _fleet_s(config: RunConfig, told: _Told) -> float:
     with Simulation(config) as simulation:
         step = simulation.world.step
 
-        def noted(cars: FloatArray, arm_q: FloatArray, arm_qd: FloatArray, grip: BoolArray) -> None:
-            told.cars.append(cars.copy())
+        def noted(car_commands: FloatArray, arm_q: FloatArray, arm_qd: FloatArray, grip: BoolArray) -> None:
+            told.cars.append(car_commands.copy())
             told.arms.append(arm_qd.copy())
-            step(cars, arm_q, arm_qd, grip)
+            step(car_commands, arm_q, arm_qd, grip)
 
         simulation.world.step = noted  # type: ignore[method-assign]
         while simulation.sim_s < WARM_S:
