@@ -13,6 +13,7 @@ import sys
 import threading
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, NoReturn
 
 from fleet.errors import BrokenRunError, ConfigError, FleetError
@@ -81,7 +82,7 @@ COMMANDS = {
         "Play a League of Robot Runners problem; prints a table, writes the League's output format and a summary.",
     ),
     "mend": Command(
-        "mend.Mend",
+        "recordings.mend.Mend",
         "Make the recording of a killed run whole: it keeps all that can be read and passes `rerun rrd verify`.",
         compiles=False,
     ),
@@ -101,6 +102,11 @@ COMMANDS = {
         "report.Report",
         "Write a run as one HTML page with plots that opens offline, and its tables as CSV.",
     ),
+    "shot": Command(
+        "recordings.shot.Shot",
+        "Paint a recording at one time and save the picture; needs no display.",
+        compiles=False,
+    ),
     "study": Command(
         "study.Study",
         "Compare fleet sizes and allocators on the same orders; prints a table, writes a CSV file, plots and a page.",
@@ -108,6 +114,11 @@ COMMANDS = {
     "train": Command(
         "learning.train.Train",
         "Train agents with PPO; prints how they do against a script and chance, writes curves and a checkpoint.",
+    ),
+    "view": Command(
+        "recordings.view.View",
+        "Open the viewer on the recording of a run; without a display, say how to look at it.",
+        compiles=False,
     ),
     "why": Command("why.Why", "Say why a robot waited at some time of a run, or why it had no task."),
 }
@@ -145,15 +156,16 @@ GROUPS = {
 """Words that have commands of their own."""
 
 
-def main(arguments: Sequence[str] | None = None, *, prog: str = "python -m fleet") -> None:
+def main(arguments: Sequence[str] | None = None, *, prog: str = "") -> None:
     """Run a command and exit with its status.
 
     0 success, 1 tasks, plans or checks failed or the run broke off, 2 bad input, 130 interrupted.
 
     Args:
         arguments: Words after the program's name; None reads them from the command line.
-        prog: The program's name in messages.
+        prog: The program's name in messages; empty = `fleet` if that was called, else `python -m fleet`.
     """
+    prog = prog or ("fleet" if Path(sys.argv[0]).stem == "fleet" else "python -m fleet")
     words = list(sys.argv[1:] if arguments is None else arguments)
     if threading.current_thread() is threading.main_thread() and signal.getsignal(signal.SIGINT) is signal.SIG_DFL:
         signal.signal(signal.SIGINT, signal.default_int_handler)

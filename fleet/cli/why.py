@@ -38,6 +38,8 @@ class Why:
         console = Console(file=sys.stdout, markup=False, emoji=False, highlight=False)
         if self.json:
             facts = plain(found) | {"waits": found.waits, "waited_s": found.waited_s, "release": found.release}
+            for link, cause in zip(facts["chain"], found.chain, strict=True):
+                link["cause"] = cause.cause.name.lower()
             console.print(json.dumps(facts, indent=2), soft_wrap=True)
             return 0
         console.print(f"at {time_s:.2f} s: {found}", soft_wrap=True)

@@ -28,6 +28,8 @@ REQUIRED = {
     "plan": ["--map", "in.map", "--scen", "in.scen"],
     "replay": ["run"],
     "report": ["run"],
+    "shot": ["run", "picture.png"],
+    "view": ["run"],
     "site check": ["small"],
     "site generate": ["out.toml"],
     "site convert": ["in.map", "out.toml"],

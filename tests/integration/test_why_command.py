@@ -7,6 +7,7 @@ import pytest
 
 from fleet.cli.main import main
 from fleet.config import ArmConfig, Fidelity, RunConfig
+from fleet.insight.causes import Cause
 from fleet.insight.time_table import time_columns
 from fleet.session import SessionConfig, run_session
 from fleet.simulation import Simulation
@@ -52,6 +53,7 @@ def test_files_tell_what_the_run_told(folder: Path, capsys: pytest.CaptureFixtur
         if robot in ("car_1", "arm_0"):
             assert said([robot, str(folder), "--at", str(time_s)], capsys).startswith(f"at {time_s:.2f} s: {found}")
     told = json.loads(said(["car_1", str(folder / "run.jsonl"), "--json"], capsys))
+    assert {link["cause"] for link in told["chain"]} <= {cause.name.lower() for cause in Cause}
     assert [link["robot"] for link in told["chain"]] == [link.robot for link in live["car_1", 60.0].chain]
 
 

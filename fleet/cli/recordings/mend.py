@@ -8,8 +8,8 @@ from typing import Annotated
 
 import tyro
 
+from fleet.cli.recordings.run_recording import recording_of
 from fleet.cli.run_output import plain_console, show_recording
-from fleet.errors import ConfigError
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,11 +22,8 @@ class Mend:
     def run(self) -> int:
         """Mend and say what there is; bad input raises."""
         from fleet.recording.mend import mend_recording
-        from fleet.recording.run_file import RECORDING
 
-        if not self.folder.exists():
-            raise ConfigError(f"FOLDER is {str(self.folder)!r}; valid: the --out directory of a run, or a recording")
-        path = self.folder / RECORDING if self.folder.is_dir() else self.folder
+        path = recording_of(self.folder)
         found = mend_recording(path)
         console = plain_console()
         said = f"mended: all {found.rows} rows that could be read" if found.changed else f"whole: {found.rows} rows"

@@ -1,0 +1,1 @@
+"""Commands for recordings: look at them, picture them, make them whole."""

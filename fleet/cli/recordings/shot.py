@@ -1,0 +1,47 @@
+"""The shot command: a picture of a recording."""
+
+from __future__ import annotations
+
+import re
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from fleet.cli.recordings.run_recording import recording_of
+from fleet.cli.run_output import plain_console
+from fleet.config import require
+
+COMPLAINED = 1
+
+
+@dataclass(frozen=True, kw_only=True)
+class Shot:
+    """Paint a recording at one time and save the picture; needs no display."""
+
+    folder: Annotated[Path, tyro.conf.Positional]
+    """Directory of a run, or its recording."""
+    png: Annotated[Path, tyro.conf.Positional]
+    """Picture to write."""
+    at: float | None = None
+    """Simulated time [s]; where the recording opens if not given."""
+    size: str = "1600x900"
+    """Width and height in pixels."""
+    view: str | None = None
+    """Name of the one view to paint; the whole window if not given."""
+
+    def run(self) -> int:
+        """Paint; exit status 1 if the viewer complained."""
+        from fleet.recording.shot import screenshot
+
+        found = re.fullmatch(r"(\d+)x(\d+)", self.size)
+        width, height = (int(word) for word in found.groups()) if found else (0, 0)
+        require(0 < width <= 8192 and 0 < height <= 8192, "--size", self.size, "WIDTHxHEIGHT, each from 1 to 8192")
+        require(self.at is None or self.at >= 0.0, "--at", self.at, "a number >= 0")
+        path = recording_of(self.folder)
+        complaints = screenshot(path, self.png, time_s=self.at, size=(width, height), view=self.view)
+        sys.stderr.writelines(f"{complaint}\n" for complaint in complaints)
+        plain_console().print(f"picture: {self.png}", soft_wrap=True)
+        return COMPLAINED if complaints else 0

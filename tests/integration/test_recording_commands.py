@@ -1,0 +1,88 @@
+"""The commands that show a recording: what they refuse, and what they say without a display."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from fleet.cli.main import main
+from fleet.recording import shot
+
+
+def said(words: list[str], capsys: pytest.CaptureFixture[str]) -> tuple[object, str, str]:
+    """Exit status, output and complaints of a command."""
+    with pytest.raises(SystemExit) as end:
+        main(words)
+    out, err = capsys.readouterr()
+    return end.value.code, out, err
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> Path:
+    """A directory with something in place of a recording."""
+    (tmp_path / "recording.rrd").write_bytes(b"RRF2")
+    return tmp_path
+
+
+@pytest.mark.parametrize("command", [["view"], ["shot"]])
+def test_what_has_no_recording_is_refused_by_name(
+    command: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["x.png"] if command == ["shot"] else []
+    for folder, known in ((tmp_path, "no recording at"), (tmp_path / "none", "FOLDER is")):
+        status, out, err = said([*command, str(folder), *words], capsys)
+        assert (status, out, err.count("\n")) == (2, "", 1)
+        assert known in err
+        assert "valid: " in err
+
+
+@pytest.mark.parametrize(
+    ("words", "known"),
+    [(["--size", "3"], "WIDTHxHEIGHT"), (["--size", "0x9"], "WIDTHxHEIGHT"), (["--at", "-1"], "a number >= 0")],
+)
+def test_bad_options_of_a_picture_are_one_line(
+    words: list[str], known: str, run: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    status, _, err = said(["shot", str(run), "x.png", *words], capsys)
+    assert (status, err.count("\n")) == (2, 1)
+    assert known in err
+
+
+def test_a_picture_is_asked_for_as_typed(
+    run: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked = []
+
+    def screenshot(*words: object, **settings: object) -> tuple[str, ...]:
+        asked.append((words, settings))
+        return ("slow",) if len(asked) > 1 else ()
+
+    monkeypatch.setattr(shot, "screenshot", screenshot)
+    words = ["shot", str(run), "x.png", "--at", "3", "--size", "80x60", "--view", "Site"]
+    status, out, _ = said(words, capsys)
+    assert (status, out) == (0, "picture: x.png\n")
+    assert asked == [((run / "recording.rrd", Path("x.png")), {"time_s": 3.0, "size": (80, 60), "view": "Site"})]
+    status, _, err = said(words, capsys)
+    assert (status, err) == (1, "slow\n")
+
+
+def test_without_a_display_it_says_how_to_look(
+    run: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr("sys.platform", "linux")
+    status, out, _ = said(["view", str(run)], capsys)
+    assert status == 0
+    assert out.startswith("no display to open the viewer on; recording: ")
+
+
+def test_the_installed_command_calls_itself_fleet(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("sys.argv", ["/somewhere/bin/fleet", "nonsense"])
+    with pytest.raises(SystemExit) as end:
+        main()
+    assert end.value.code == 2
+    assert capsys.readouterr().err.startswith("fleet: unknown command 'nonsense'")
