@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,11 +16,12 @@ from fleet.traffic.floor_distances import FloorDistances
 from fleet.traffic.head_on import HeadOn
 from fleet.traffic.open_lanes import OpenLanes
 from fleet.traffic.single_file import SingleFile
+from fleet.traffic.thread_work import ThreadWork
 from fleet.traffic.tides import Tides
 from maps.lane_graph import LaneGraph
 from planners.deadline import Deadline
 from planners.mapf.distance_table import UNREACHABLE, DistanceTable
-from planners.mapf.planner import heeds_comes
+from planners.mapf.planner import begins, heeds_comes
 from planners.mapf.problem import Instance, Plan
 
 NO_GOAL = -1
@@ -41,6 +43,8 @@ COMMIT_MOVES = 2
 the order in which cars meet is decided by where they are not yet."""
 MOVE_S = 1.0
 """Least time of a move [s]."""
+THREAD_CARS = 200
+"""Plans for so many cars are made in a thread of their own while the run goes on; for fewer that takes longer."""
 REPRICE_S = 5.0
 """Time after which ways are found anew if cars wait elsewhere [s]."""
 
@@ -49,7 +53,8 @@ REPRICE_S = 5.0
 class _Pending:
     due_tick: int
     goals: npt.NDArray[np.int32]
-    plan: Plan
+    plan: Callable[[], Plan]
+    """Waits for the plan, if it is still being made."""
 
 
 class Traffic:
@@ -217,6 +222,7 @@ class Traffic:
         return int(tables.graph.state_cell[best]), best
 
     def _count_blocked(self, cells: list[int], change: int, *, for_good: bool) -> None:
+        self.discard()
         self._n_blocks[cells] += change
         self._n_for_good[cells] += change * for_good
         self.blocked = self._n_blocks > 0
@@ -225,7 +231,6 @@ class Traffic:
         self._distances = self._free.past(self.blocked, self.graph)
         self.ways = self._distances.around
         self._price()
-        self.discard()
 
     def delay(self, delay_s: float) -> None:
         """Let plans that are asked for from now on land so much later than usual."""
@@ -238,6 +243,8 @@ class Traffic:
 
     def discard(self) -> None:
         """Throw away the plan that has not landed yet, because it rests on what is no longer so, and ask anew."""
+        if self._pending is not None:
+            self._pending.plan()
         self._pending = None
         self._wanted = True
 
@@ -253,7 +260,7 @@ class Traffic:
             self._pending = _Pending(due_tick=due_tick, goals=self.goals.copy(), plan=self._plan(tick))
             self._wanted = False
         if self._pending is not None and self._pending.due_tick <= tick:
-            self.executor.accept(self._pending.plan)
+            self.executor.accept(self._pending.plan())
             self.landed_goals = self._pending.goals
             self._pending = None
             self.n_plans += 1
@@ -297,7 +304,7 @@ class Traffic:
         # The first of the granted moves may be all but done.
         return max(0, moves - self._config.grant_moves_n + 1)
 
-    def _plan(self, tick: int) -> Plan:
+    def _plan(self, tick: int) -> Callable[[], Plan]:
         self._see_crowd(tick)
         starts = self.executor.cut(self._n_commits())
         waited_s = (tick - self._goal_since) * self._tick_s
@@ -324,4 +331,8 @@ class Traffic:
             horizon=self._config.horizon_n,
             comes=self.executor.timesteps_left() if heeds_comes(self._planner) else None,
         )
-        return self._planner.plan(instance, self.ways, Deadline(self._config.iterations_n))
+        deadline, planner = Deadline(self._config.iterations_n), begins(self._planner)
+        if planner is not None and len(starts) >= THREAD_CARS and self.ways.keeps_all:
+            return ThreadWork(planner.begin(instance, self.ways, deadline)).result
+        plan = self._planner.plan(instance, self.ways, deadline)
+        return lambda: plan

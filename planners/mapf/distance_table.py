@@ -107,6 +107,11 @@ class DistanceTable:
         """Goals whose distances are held."""
         return len(self._rows) - len(self._free)
 
+    @property
+    def keeps_all(self) -> bool:
+        """Whether no goal ever has to make room for another."""
+        return len(self._rows) == self.graph.n_states
+
     def after(self, state: int) -> IntArray:
         """States that a move leads to from a state, open or not."""
         graph = self.graph

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from collections.abc import Callable
+from typing import Any, Protocol, cast
 
 import numpy as np
 
@@ -28,6 +29,25 @@ class MapfPlanner(Protocol):
 
     def plan(self, instance: Instance, tables: DistanceTable | None = None, deadline: Deadline | None = None) -> Plan:
         """Plan; an instance that cannot be solved, or not in time, is a result with a status, not an error."""
+
+
+class Begins(Protocol):
+    """A planner whose work can go on beside other work."""
+
+    def begin(
+        self, instance: Instance, tables: DistanceTable | None = None, deadline: Deadline | None = None
+    ) -> Callable[[], Plan]:
+        """Prepare what `plan` does.
+
+        Returns:
+            The rest of the work. It may be done in another thread, before the next call of the planner; until then the
+            rows of `tables` that the instance needs must stay as they are.
+        """
+
+
+def begins(planner: MapfPlanner) -> Begins | None:
+    """The planner, if its work can go on beside other work."""
+    return cast("Begins", planner) if hasattr(planner, "begin") else None
 
 
 def heeds_comes(planner: MapfPlanner) -> bool:

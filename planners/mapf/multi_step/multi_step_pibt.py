@@ -110,6 +110,12 @@ class MultiStepPibt:
         Raises:
             PlanningError: `tables` belong to another graph.
         """
+        return self.begin(instance, tables, deadline)()
+
+    def begin(
+        self, instance: Instance, tables: DistanceTable | None = None, deadline: Deadline | None = None
+    ) -> Callable[[], Plan]:
+        """Prepare a window; see `plan`, and `planners.mapf.planner.Begins`."""
         graph, n = instance.graph, instance.n_agents
         tables = tables_of(instance, tables, "multi-step pibt")
         deadline = Deadline() if deadline is None else deadline
@@ -125,7 +131,7 @@ class MultiStepPibt:
         wishes = wishes_to_stay(np.where(reachable, row, np.int32(-1)))
         costs = exact_costs(table, graph.n_states)
         if self.config.rounds == 0 and not mover.crew.is_shared and not deadline.reads_clock:
-            return self._plan_at_once(instance, mover, costs, wishes, deadline, reachable)
+            return self._window_at_once(instance, mover, costs, wishes, deadline, reachable)
         mover.begin(instance.starts)
 
         def step(now: IntArray, after: IntArray, *, order: IntArray, locked: BoolArray) -> None:
@@ -142,7 +148,7 @@ class MultiStepPibt:
                 rounds=self.config.rounds,
             )
 
-        return plan_window(
+        plan = plan_window(
             instance,
             step,
             deadline,
@@ -150,8 +156,9 @@ class MultiStepPibt:
             reachable=reachable,
             comes=instance.comes,
         )
+        return lambda: plan
 
-    def _plan_at_once(
+    def _window_at_once(
         self,
         instance: Instance,
         mover: Mover,
@@ -159,24 +166,29 @@ class MultiStepPibt:
         wishes: Wishes,
         deadline: Deadline,
         reachable: BoolArray,
-    ) -> Plan:
-        """As `plan_window`, in one kernel."""
+    ) -> Callable[[], Plan]:
+        """As `plan_window`, in one kernel, which lets other threads go on."""
         n_steps = 0
         while n_steps < instance.horizon and deadline.spend():
             n_steps += 1
         states = np.empty((n_steps + 1, instance.n_agents), dtype=np.int32)
         states[0] = instance.starts
-        mover.window(
-            states,
-            costs,
-            wishes,
-            agents_of(instance, instance.comes),
-            turns_at_start(instance),
-            impatience=self.config.impatience,
-            most_tries=self.config.most_tries,
-            allow_rotation=instance.allow_rotation,
-        )
-        return window_plan(instance, states, reachable)
+        agents, turns = agents_of(instance, instance.comes), turns_at_start(instance)
+
+        def work() -> Plan:
+            mover.window(
+                states,
+                costs,
+                wishes,
+                agents,
+                turns,
+                impatience=self.config.impatience,
+                most_tries=self.config.most_tries,
+                allow_rotation=instance.allow_rotation,
+            )
+            return window_plan(instance, states, reachable)
+
+        return work
 
     def _is_stuck(self, instance: Instance, left: IntArray) -> bool:
         """Count a window, at whose begin so much is `left` to each agent; whether those who may be pushed make room."""

@@ -5,7 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import pytest
 
+from fleet.tasks import reasons
 from fleet.tasks.board import Task
 from fleet.tasks.reasons import CODE_OF_REASON, Decision, PairReason, ReasonBook
 from tests.unit.fleet.missions.floor import Floor, delivery
@@ -50,3 +52,14 @@ def test_the_last_round_that_considered_a_task_tells() -> None:
     book.keep(Round([a], 3.0))
     assert [book.report(task).pairs[0].cost_s for task in (a, b, c)] == [30.0, 20.0, 21.0]
     assert book.report(b).decided_s == 2.0
+
+
+def test_tasks_that_were_judged_long_ago_are_let_go(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(reasons, "MOST_DECISIONS", 3)
+    floor = Floor(orders=[delivery(f"order_{k}") for k in range(8)])
+    tasks = [floor.task(f"order_{k}") for k in range(8)]
+    book = ReasonBook(lambda *args, **facts: None)
+    for time_s, task in enumerate(tasks):
+        book.keep(Round([task], float(time_s)))
+    known = [book.decision(task) is not None for task in tasks]
+    assert known == [False] * 3 + [True] * 5, "three, and the two rounds that are kept whole"
