@@ -60,11 +60,12 @@ class CauseLog:
         self.end_tick = max(self.end_tick, end_tick)
 
     def _make_room(self, n: int) -> None:
-        if self._keeps is not None and self._n + n > 2 * self._keeps:
+        most = None if self._keeps is None else self._keeps + max(self._keeps // 4, n)
+        if self._keeps is not None and most is not None and self._n + n > most:
             self._forget(self._n - self._keeps)
         short = self._n + n - len(self._table)
         if short > 0:
-            more = max(short, len(self._table))
+            more = max(short, len(self._table) if most is None else min(len(self._table), most - len(self._table)))
             self._table = np.concatenate([self._table, np.empty((more, _WIDTH), dtype=np.int32)])
             self._before = np.concatenate([self._before, np.empty(more, dtype=np.int32)])
 
