@@ -15,7 +15,7 @@ class PhysicsConfig(Settings):
 
     plain_cars_n: int = 60
     """Fleets of up to so many cars have one engine; so have all with a window or a physics server."""
-    tile_cars_n: int = 40
+    tile_cars_n: int = 70
     """Larger ones have one for every so many, each with its part of the floor."""
     workers_n: int = 1
     """Processes that share these engines, 1 = the run's own. The result is the same."""

@@ -243,9 +243,9 @@ class Traffic:
 
     def discard(self) -> None:
         """Throw away the plan that has not landed yet, because it rests on what is no longer so, and ask anew."""
-        if self._pending is not None:
-            self._pending.plan()
-        self._pending = None
+        pending, self._pending = self._pending, None
+        if pending is not None:
+            pending.plan()  # what it reads may change from now on
         self._wanted = True
 
     def tick(self, tick: int) -> bool:

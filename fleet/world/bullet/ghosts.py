@@ -58,6 +58,18 @@ class Ghosts:
             bodies[number] = body
         self.bodies, self.poses = bodies, poses
 
+    @property
+    def n_made(self) -> int:
+        """Bodies there are, shown or not."""
+        return len(self.bodies) + len(self._unused)
+
+    def hide(self) -> None:
+        """Show none, wherever the engine has put them."""
+        self._unused += self.bodies.values()
+        self.bodies, self.poses = {}, np.zeros((0, 3))
+        for body in self._unused:
+            self._client.resetBasePositionAndOrientation(body, _AWAY_M, (0.0, 0.0, 0.0, 1.0))
+
     def _make(self) -> int:
         client = self._client
         body = client.createMultiBody(

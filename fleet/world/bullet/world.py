@@ -55,7 +55,7 @@ class Snapshot:
     """Every parcel with position, orientation and velocities, shape (13,)."""
     obstacles: dict[int, tuple[FloatArray, FloatArray]]
     bodies: tuple[int, ...]
-    """The engine's ids of everything that can come and go."""
+    """How often cars came or went, how many ghosts were made, and the engine's ids of all else that can."""
     settled: bool
     """Whether the engine finds all pairs of bodies anew."""
 
@@ -160,6 +160,7 @@ class BulletWorld:
         self.window = EngineWindow(client, self._cars.bodies) if config.connect is Connect.GUI else None
         """The engine's own window, if it has one here."""
         self._ghosts = Ghosts(client, scene.car)
+        self._n_car_changes = 0
         self._arm_links = [(arm, link) for arm in self._arms.bodies for link in range(-1, client.getNumJoints(arm))]
         self._clearance = Clearance(scene, tool)
         self._empty = np.full((self.n_arms, 4), -1.0)
@@ -188,7 +189,7 @@ class BulletWorld:
             self._grip.after_step()
         self._cars.now = self._cars.reading()
         self._arms.read()
-        self._near = self._measure()
+        self._near = self._measure(ghosts=False)  # they are where they were before this tick
 
     def car_poses(self) -> FloatArray:
         """Rear-axle poses x, y, yaw, shape (n_cars, 3)."""
@@ -455,6 +456,7 @@ class BulletWorld:
             self._search(on=True)
         else:
             client.performCollisionDetection()  # rays would see the old poses
+        self._ghosts.hide()
         self._parcels.moved()
         self._cars.recall(snapshot.memory["cars"])
         self._arms.recall(snapshot.memory["arms"])
@@ -480,12 +482,12 @@ class BulletWorld:
         arms = zip(self._arms.moving.tolist(), self._clearance.near_arms.tolist(), self._grip.held, strict=True)
         return [moving or near or held >= 0 for moving, near, held in arms]
 
-    def _measure(self) -> list[tuple[int, int]]:
+    def _measure(self, *, ghosts: bool = True) -> list[tuple[int, int]]:
         """Update the smallest clearance and name the bodies that cars can touch within a tick."""
-        now, fixed, ghosts = self._cars.now, self._fixed, self._ghosts
+        now, fixed = self._cars.now, self._fixed
         cars, n_own, poses = self._cars.bodies, len(self._cars.bodies), now.poses
-        if ghosts.bodies:
-            cars, poses = [*cars, *ghosts.bodies.values()], np.concatenate((poses, ghosts.poses))
+        if ghosts and self._ghosts.bodies:
+            cars, poses = [*cars, *self._ghosts.bodies.values()], np.concatenate((poses, self._ghosts.poses))
         moment = Moment(poses=poses, q=self._arms.q, held=self._held_spheres(), serving=self._monitor.serving)
         pairs, beside = self._clearance.look(moment, fixed.plans, _NEAR_MARGIN_M + 2 * now.top_speed * self.tick_s)
         # The first of a pair is the lower one: two ghosts are looked at by their own worlds.
@@ -495,6 +497,7 @@ class BulletWorld:
     def _other_cars(self) -> None:
         """Cars came or went."""
         self.n_cars = len(self._cars.bodies)
+        self._n_car_changes += 1
         self._monitor.change_cars(self._cars.bodies)
         self._monitor.look_again()
         self._near = self._measure()
@@ -526,7 +529,7 @@ class BulletWorld:
 
     def _visitors(self) -> tuple[int, ...]:
         parcels = tuple(self._parcels.body(parcel) for parcel in self._parcels.ids())
-        return (*self._cars.bodies, *parcels, *self._fixed.obstacle_bodies())
+        return (self._n_car_changes, self._ghosts.n_made, *parcels, *self._fixed.obstacle_bodies())
 
     def _rebuild(self, snapshot: Snapshot) -> None:
         """Return to a snapshot whose parcels or obstacles are not all there any more."""

@@ -14,7 +14,7 @@ class TiledConfig:
 
     bullet: BulletConfig = field(default_factory=BulletConfig)
     """Of each tile's engine."""
-    n_cars: int = 40
+    n_cars: int = 70
     """Cars of a tile, on average: with more of them each costs more, with fewer the engines (30 MB each)."""
     arm_m: float = 1.5
     """Floor so near to an arm's base belongs to that arm's tile, and arms as near to each other share one [m]."""

@@ -36,6 +36,9 @@ class TileSetup(NamedTuple):
 class TileCrew(Protocol):
     """Whoever has the tiles."""
 
+    is_lost: bool
+    """Whether a process has ended, and its tiles are gone."""
+
     def ask(self, tile: int, question: str, *words: Any) -> Any:
         """Call a method of a tile; returns or raises what that does."""
 
@@ -56,6 +59,7 @@ class LocalCrew:
     """
 
     def __init__(self, setup: TileSetup, board: TileBoard, numbers: list[int]) -> None:
+        self.is_lost = False
         self._tiles: dict[int, Tile] = {}
         try:
             for number in numbers:
@@ -95,12 +99,12 @@ class WorkerCrew:
     def __init__(self, setup: TileSetup, board: TileBoard) -> None:
         n_workers = min(setup.config.n_workers, setup.split.n_tiles)
         self._n_tiles = setup.split.n_tiles
+        self.is_lost = False
         self._workers: list[_Worker] = []
         try:
             for worker in range(n_workers):
                 self._workers.append(_Worker(setup, board, list(range(worker, self._n_tiles, n_workers))))
-            for one in self._workers:
-                one.hear()
+            self._heard(self._workers)
         except BaseException:
             self.close()
             raise
@@ -109,15 +113,29 @@ class WorkerCrew:
         """See `TileCrew`."""
         worker = self._workers[tile % len(self._workers)]
         worker.say((tile, question, words))
-        return worker.hear()
+        return self._heard([worker])[0]
 
     def ask_all(self, question: str, *words: Any) -> list[Any]:
         """See `TileCrew`."""
         for worker in self._workers:
             worker.say((None, question, words))
         answers: list[Any] = [None] * self._n_tiles
-        for number, worker in enumerate(self._workers):
-            answers[number :: len(self._workers)] = worker.hear()
+        for number, heard in enumerate(self._heard(self._workers)):
+            answers[number :: len(self._workers)] = heard
+        return answers
+
+    def _heard(self, workers: list[_Worker]) -> list[Any]:
+        """The answers of some workers; what one of them raises comes after all have been heard."""
+        answers: list[Any] = []
+        errors: list[Exception] = []
+        for worker in workers:
+            try:
+                answers.append(worker.hear())
+            except Exception as error:
+                self.is_lost = self.is_lost or isinstance(error, TileWorkerError)
+                errors.append(error)
+        if errors:
+            raise errors[0]
         return answers
 
     def close(self) -> None:
@@ -150,7 +168,7 @@ class _Worker:
     def say(self, message: object) -> None:
         """Hand over a message."""
         pipe = cast("IO[bytes]", self._process.stdin)
-        with suppress(OSError):  # `hear` says why
+        with suppress(OSError, ValueError):  # `hear` says why
             pickle.dump(message, pipe, protocol=pickle.HIGHEST_PROTOCOL)
             pipe.flush()
 
@@ -158,7 +176,8 @@ class _Worker:
         """Wait for the answer."""
         try:
             failed, answer = pickle.load(cast("IO[bytes]", self._process.stdout))
-        except (EOFError, OSError, pickle.UnpicklingError) as error:
+        except (EOFError, OSError, ValueError, pickle.UnpicklingError) as error:
+            self._process.kill()  # if it has not ended, what it says cannot be understood
             status = self._process.wait()
             raise TileWorkerError(
                 f"the process that computes tiles {self._numbers} has ended with status {status}; valid: one that runs "

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import pickle
 import sys
+import traceback
 
 from fleet.world.tiled.board import TileBoard
 from fleet.world.tiled.crew import LocalCrew
@@ -18,9 +19,10 @@ def main() -> None:
     os.dup2(2, 1)
 
     def say(answer: object, *, failed: bool = False) -> None:
-        pickle.dump((failed, answer), answers, protocol=pickle.HIGHEST_PROTOCOL)
+        answers.write(pickle.dumps((failed, answer), protocol=pickle.HIGHEST_PROTOCOL))
         answers.flush()
 
+    status = 0
     try:
         setup, sizes, memory, numbers = pickle.load(questions)
         try:
@@ -28,7 +30,7 @@ def main() -> None:
                 crew = LocalCrew(setup, TileBoard(sizes, file), numbers)
         except Exception as error:
             say(error, failed=True)
-            return
+            os._exit(1)
         say(None)
         while True:
             tile, question, words = pickle.load(questions)
@@ -38,9 +40,11 @@ def main() -> None:
                 say(error, failed=True)
     except (EOFError, BrokenPipeError):
         pass
-    finally:
-        # Nothing that libraries do on a normal exit is needed.
-        os._exit(0)
+    except BaseException:
+        traceback.print_exc()
+        status = 1
+    # Nothing that libraries do on a normal exit is needed.
+    os._exit(status)
 
 
 if __name__ == "__main__":

@@ -57,13 +57,12 @@ class TiledWorld:
         self.n_cars, self.n_arms = len(scene.car_start), len(scene.arm_base)
         self._split = split_floor(scene, config)
         self._middle_m = (scene.car.front_m - scene.car.rear_m) / 2
-        joints = np.asarray(scene.arm_start, dtype=np.float64).reshape(self.n_arms, -1)
+        joints = np.asarray(scene.arm_start, dtype=np.float64).reshape(self.n_arms, scene.arm.n_joints)
         self._board = board = TileBoard((self.n_cars, self.n_arms, joints.shape[1], self._split.n_tiles))
         board.poses[:] = np.asarray(scene.car_start, dtype=np.float64).reshape(-1, 3)
         board.q[:], board.held[:] = joints, -1
         board.tile_of[:] = -1
         board.tile_of[:] = self._tiles_now()
-        self._serving = np.full(self.n_arms, -1, dtype=np.int64)
         self._ids = np.zeros(0, dtype=np.int64)
         self._rows: dict[int, int] = {}
         self._free_rows: list[int] = []
@@ -160,7 +159,6 @@ class TiledWorld:
 
     def set_serving(self, arm: int, car: int) -> None:
         """See `World`."""
-        self._serving[arm] = car
         self._crew.ask(self._tile_with(arm), "serve", arm, car)
 
     def add_obstacle(self, obstacle: int, centre_m: FloatArray, half_m: FloatArray) -> None:
@@ -257,7 +255,9 @@ class TiledWorld:
         self._list_parcels()
 
     def state_bytes(self) -> bytes:
-        """See `World`."""
+        """See `World`; where a process has ended, all that is still known."""
+        if self._crew.is_lost:
+            return b"".join(array.tobytes() for array in self._board.copies().values())
         return b"".join(self._crew.ask_all("state_bytes"))
 
     def close(self) -> None:
@@ -276,12 +276,10 @@ class TiledWorld:
         )
 
     def _hand_over(self) -> None:
-        """Let cars that have crossed a border go on beyond it, unless an arm is over them."""
+        """Let cars that have crossed a border go on beyond it; at docks there is none, see `split_floor`."""
         tile_of = self._board.tile_of
         wanted = self._tiles_now()
         for car in np.flatnonzero(wanted != tile_of).tolist():
-            if car in self._serving:
-                continue
             motion, loads = self._crew.ask(int(tile_of[car]), "dismiss", car)
             tile_of[car] = wanted[car]
             self._crew.ask(int(wanted[car]), "admit", car, motion, loads)

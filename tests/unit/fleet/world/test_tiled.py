@@ -171,6 +171,8 @@ def test_a_process_that_ends_is_named(lane: Scene) -> None:
     os.kill(crew._workers[1]._process.pid, signal.SIGKILL)  # type: ignore[attr-defined]
     with pytest.raises(TileWorkerError, match=r"tiles \[1\] has ended with status -9; valid: .*--workers 1"):
         step(world, lane, 0.0, 0.0)
+    assert world.state_bytes() == world.state_bytes(), "what is still known"
+    assert world.car_poses().shape == (2, 3)
     world.close()
     world.close()
 
