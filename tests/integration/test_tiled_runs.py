@@ -21,7 +21,7 @@ from fleet.world.tiled.world import TiledWorld
 pytestmark = pytest.mark.bullet
 
 
-def config(n_workers: int, duration_s: float) -> RunConfig:
+def shared(n_workers: int, duration_s: float) -> RunConfig:
     """Three cars on a small site in two tiles."""
     return RunConfig(
         site="small",
@@ -37,7 +37,7 @@ def config(n_workers: int, duration_s: float) -> RunConfig:
 def test_parcels_cross_borders_and_the_number_of_processes_changes_nothing() -> None:
     hashes = []
     for n_workers in (1, 2):
-        with Simulation(config(n_workers, 40.0)) as simulation:
+        with Simulation(shared(n_workers, 40.0)) as simulation:
             world = simulation.world
             assert isinstance(world, TiledWorld)
             crossings, before = 0, world.tiles()
@@ -55,8 +55,8 @@ def test_parcels_cross_borders_and_the_number_of_processes_changes_nothing() -> 
 
 
 def test_a_run_whose_process_has_died_leaves_its_result(tmp_path: Path) -> None:
-    def make(settings: RunConfig, *, on_event: Callable[[Event], None]) -> Simulation:
-        simulation = Simulation(settings, on_event=on_event)
+    def make(config: RunConfig, *, on_event: Callable[[Event], None]) -> Simulation:
+        simulation = Simulation(config, on_event=on_event)
         assert isinstance(simulation.world, TiledWorld)
         crew = simulation.world._crew
         assert isinstance(crew, WorkerCrew)
@@ -65,6 +65,6 @@ def test_a_run_whose_process_has_died_leaves_its_result(tmp_path: Path) -> None:
         return simulation
 
     with pytest.raises(BrokenRunError, match="has ended with status -9"):
-        run_session(config(2, 5.0), SessionConfig(out=tmp_path, record=False, progress=False), make)
+        run_session(shared(2, 5.0), SessionConfig(out=tmp_path, record=False, progress=False), make)
     result = json.loads((tmp_path / "result.json").read_text(encoding="utf-8"))
     assert "has ended with status -9" in result["broken_off"]
