@@ -89,7 +89,9 @@ CASES = {
 }
 ABSENT = pytest.mark.skipif(BulletWorld is None, reason="needs pybullet")
 PLAIN = ("kinematic", "grid")
-PARAMS = [pytest.param(name, marks=[] if name in PLAIN else [pytest.mark.bullet, ABSENT]) for name in CASES]
+MARKS = {name: [] if name in PLAIN else [pytest.mark.bullet, ABSENT] for name in CASES}
+MARKS["tiled_workers"].append(pytest.mark.slow)  # each starts two processes
+PARAMS = [pytest.param(name, marks=marks) for name, marks in MARKS.items()]
 
 
 @pytest.fixture(params=PARAMS)

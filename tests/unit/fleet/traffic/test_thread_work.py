@@ -46,7 +46,7 @@ def test_plans_made_in_a_thread_change_nothing(monkeypatch: pytest.MonkeyPatch) 
             robots=12,
             seed=2,
             fidelity=Fidelity.KINEMATIC,
-            duration_s=90.0,
+            duration_s=45.0,
             chaos_per_h=600.0,
             arms=ArmConfig(workers_n=0),
         )

@@ -158,7 +158,7 @@ def test_the_number_of_processes_changes_nothing() -> None:
     states = []
     for n_workers in (1, 2, 3):
         world = TiledWorld(scene, TiledConfig(n_cars=20, n_workers=n_workers))
-        for _ in range(20):
+        for _ in range(8):
             step(world, scene, *np.linspace(0.0, 1.5, 100).tolist())
         states.append((world.state_bytes(), world.contacts(), world.min_clearance_m()))
         world.close()
