@@ -22,6 +22,7 @@ import math
 import os
 import platform
 import pstats
+import resource
 import subprocess
 import sys
 import time
@@ -297,6 +298,12 @@ def commit() -> str | None:
     except OSError:
         return None
     return found.stdout.strip() or None
+
+
+def computing_s() -> float:
+    """Computing time of this process so far, all threads, and of programs that it ran and that have ended [s]."""
+    ended = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return time.process_time() + ended.ru_utime + ended.ru_stime
 
 
 def plain_console() -> Console:

@@ -9,7 +9,6 @@ other things it is theirs too.
 from __future__ import annotations
 
 import random
-import resource
 import signal
 import subprocess
 import sys
@@ -21,7 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.harness import Kind, Row, Trial
+from benchmarks.harness import Kind, Row, Trial, computing_s
 from fleet.config import Fidelity, RunConfig
 from fleet.recording import RECORDING, NullRecorder, Recorder
 from fleet.recording.check import verify_recording
@@ -106,11 +105,11 @@ def _run(config: RunConfig, path: Path | None) -> _Run:
     import fleet.recording.rerun_stream.stream  # noqa: F401
 
     with Simulation(config) as simulation:
-        begin_s = _cpu_s()
+        begin_s = computing_s()
         recorder: Recorder = NullRecorder() if path is None else open_recorder(simulation.view, path)
-        open_s = _cpu_s() - begin_s
+        open_s = computing_s() - begin_s
         watch = Watch(simulation.view, simulation.figures, recorder)
-        begin_s = _cpu_s()
+        begin_s = computing_s()
         ticks_s = 0.0
         while not simulation.finished:
             tick_s = time.thread_time()
@@ -118,18 +117,12 @@ def _run(config: RunConfig, path: Path | None) -> _Run:
             ticks_s += time.thread_time() - tick_s
             watch.look()
         recorder.close()
-        rest_s = _cpu_s() - begin_s - ticks_s
+        rest_s = computing_s() - begin_s - ticks_s
     if path is None:
         return _Run(ticks_s=ticks_s, rest_s=rest_s, open_s=open_s, size_mb=0.0, n_frames=0)
     n_frames = verify_recording(path).frames
     size_mb = path.stat().st_size / 1e6
     return _Run(ticks_s=ticks_s, rest_s=rest_s, open_s=open_s, size_mb=size_mb, n_frames=n_frames)
-
-
-def _cpu_s() -> float:
-    """Computing time of this process, all threads, and of programs that were run and have ended [s]."""
-    ended = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return time.process_time() + ended.ru_utime + ended.ru_stime
 
 
 def _idle_share() -> float:

@@ -11,13 +11,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 from benchmarks.harness import Kind, Row, Trial
+from benchmarks.scale.medium_fleet import CARS, SITE, medium_fleet
 from benchmarks.training.bare import BareLoop
 from fleet.arrays import BoolArray, FloatArray
-from fleet.config import ArmConfig, Fidelity, RunConfig
+from fleet.config import Fidelity, RunConfig
 from fleet.simulation import Simulation
 from fleet.world.bullet.engine.config import BulletConfig
 
-SITE, CARS = "medium", 20
 WARM_S, SIM_S, QUICK_SIM_S = 5.0, 60.0, 5.0
 """Simulated time before the measurement, and of it [s]."""
 PAIRS = 2
@@ -35,15 +35,7 @@ class _Told:
 def measure_bare_loop(trial: Trial) -> Iterator[Row]:
     """A fleet of 20 cars with physics, by the hand-written loop."""
     sim_s = QUICK_SIM_S if trial.quick else SIM_S
-    config = RunConfig(
-        site=SITE,
-        robots=CARS,
-        tasks=4 * CARS,
-        seed=trial.seeds[0],
-        fidelity=Fidelity.PHYSICS,
-        duration_s=WARM_S + sim_s,
-        arms=ArmConfig(workers_n=0),
-    )
+    config = medium_fleet(trial, Fidelity.PHYSICS, WARM_S + sim_s)
     fleets, loops, engines = [], [], []
     for _ in range(PAIRS):
         told = _Told()

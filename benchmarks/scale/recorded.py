@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import resource
 import tempfile
-import time
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
-from benchmarks.harness import Kind, Row, Trial
-from fleet.config import ArmConfig, Fidelity, RunConfig
+from benchmarks.harness import Kind, Row, Trial, computing_s
+from benchmarks.scale.medium_fleet import CARS, SITE, medium_fleet
+from fleet.config import Fidelity, RunConfig
 from fleet.recording import RECORDING
 from fleet.recording.check import verify_recording
 from fleet.scale.floors import floor_for
@@ -18,7 +17,6 @@ from fleet.session import SessionConfig, run_session
 from fleet.session.runner import Result
 from maps.site import save_site
 
-SITE, CARS = "medium", 20
 MANY = 1_000
 SIM_S, QUICK_SIM_S = 120.0, 10.0
 """Simulated time of a run [s]."""
@@ -29,15 +27,7 @@ PAIRS = 3
 def measure_recorded(trial: Trial) -> Iterator[Row]:
     """Share of a recorded run of 20 cars that is the recording, and the speed of one of 1,000."""
     sim_s = QUICK_SIM_S if trial.quick else SIM_S
-    config = RunConfig(
-        site=SITE,
-        robots=CARS,
-        tasks=4 * CARS,
-        seed=trial.seeds[0],
-        fidelity=Fidelity.KINEMATIC,
-        duration_s=sim_s,
-        arms=ArmConfig(workers_n=0),
-    )
+    config = medium_fleet(trial, Fidelity.KINEMATIC, sim_s)
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder)
         _cpu_s(replace(config, duration_s=2.0), out, record=True)  # kernels are compiled, files are read
@@ -60,11 +50,6 @@ def measure_recorded(trial: Trial) -> Iterator[Row]:
 
 def _cpu_s(config: RunConfig, out: Path, *, record: bool) -> tuple[float, Result]:
     """Computing time of a session with all its files, of all threads and of programs that it ran [s]."""
-    begin = _spent_s()
+    begin = computing_s()
     result = run_session(config, SessionConfig(out=out, record=record, progress=False))
-    return _spent_s() - begin, result
-
-
-def _spent_s() -> float:
-    ended = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return time.process_time() + ended.ru_utime + ended.ru_stime
+    return computing_s() - begin, result

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+
 import numpy as np
 import numpy.typing as npt
 from numba import njit
@@ -19,6 +21,10 @@ Changes = npt.NDArray[np.int32]
 """Tick, robot, and then the columns of `Column`; shape (k, 2 + len(Column))."""
 
 
+_ALL = sys.maxsize // 2
+"""More changes than there can be."""
+
+
 class CauseLog:
     """Changes of the causes of all robots, in the order of time.
 
@@ -32,7 +38,7 @@ class CauseLog:
 
     def __init__(self, n_robots: int, keeps: int | None = None) -> None:
         self.n_robots = n_robots
-        self._keeps = keeps
+        self._keeps = _ALL if keeps is None else keeps
         self.end_tick = 0
         """Ticks so far."""
         self._n = 0
@@ -60,12 +66,12 @@ class CauseLog:
         self.end_tick = max(self.end_tick, end_tick)
 
     def _make_room(self, n: int) -> None:
-        most = None if self._keeps is None else self._keeps + max(self._keeps // 4, n)
-        if self._keeps is not None and most is not None and self._n + n > most:
+        most = self._keeps + max(self._keeps // 4, n)
+        if self._n + n > most:
             self._forget(self._n - self._keeps)
         short = self._n + n - len(self._table)
         if short > 0:
-            more = max(short, len(self._table) if most is None else min(len(self._table), most - len(self._table)))
+            more = max(short, min(len(self._table), most - len(self._table)))
             self._table = np.concatenate([self._table, np.empty((more, _WIDTH), dtype=np.int32)])
             self._before = np.concatenate([self._before, np.empty(more, dtype=np.int32)])
 

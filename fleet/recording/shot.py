@@ -159,11 +159,19 @@ def _ended(process: subprocess.Popen[bytes]) -> RecordingError:
     )
 
 
-def _size(text: str) -> tuple[int, int]:
+def parse_size(text: str) -> tuple[int, int] | None:
+    """Width and height [px] of ``"1600x900"``; None if it says nothing of the kind."""
     width, _, height = text.partition("x")
     if not (width.isdigit() and height.isdigit() and int(width) and int(height)):
-        raise argparse.ArgumentTypeError(f"{text!r}; valid: WIDTHxHEIGHT, for example 1600x900")
+        return None
     return int(width), int(height)
+
+
+def _size(text: str) -> tuple[int, int]:
+    size = parse_size(text)
+    if size is None:
+        raise argparse.ArgumentTypeError(f"{text!r}; valid: WIDTHxHEIGHT, for example 1600x900")
+    return size
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

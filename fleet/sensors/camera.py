@@ -63,6 +63,12 @@ class Camera:
         self._require(rigid, "world_from_camera", pose.tolist(), "a finite rotation and translation over (0, 0, 0, 1)")
         object.__setattr__(self, "world_from_camera", pose)
 
+    @property
+    def aims_at(self) -> FloatArray:
+        """Where its axis meets the floor, or its own place if it does not, x, y, shape (2,) [m]."""
+        eye, axis = self.world_from_camera[:3, 3], self.world_from_camera[:3, 2]
+        return np.asarray(eye[:2] - axis[:2] * eye[2] / axis[2] if axis[2] < -1e-6 else eye[:2])
+
     @classmethod
     def looking_at(
         cls,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,7 +17,6 @@ from fleet.traffic.floor_distances import FloorDistances
 from fleet.traffic.head_on import HeadOn
 from fleet.traffic.open_lanes import OpenLanes
 from fleet.traffic.single_file import SingleFile
-from fleet.traffic.thread_work import ThreadWork
 from fleet.traffic.tides import Tides
 from maps.lane_graph import LaneGraph
 from planners.deadline import Deadline
@@ -123,6 +123,7 @@ class Traffic:
         self._goal_since = np.zeros(n_cars)
         self._tie_break = np.arange(n_cars) * 1e-6
         self._pending: _Pending | None = None
+        self._thread: ThreadPoolExecutor | None = None
         self._wanted = True
 
     def change(self, config: TrafficConfig) -> None:
@@ -333,6 +334,8 @@ class Traffic:
         )
         deadline, planner = Deadline(self._config.iterations_n), begins(self._planner)
         if planner is not None and len(starts) >= THREAD_CARS and self.ways.keeps_all:
-            return ThreadWork(planner.begin(instance, self.ways, deadline)).result
+            if self._thread is None:
+                self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix="fleet-plan")
+            return self._thread.submit(planner.begin(instance, self.ways, deadline)).result
         plan = self._planner.plan(instance, self.ways, deadline)
         return lambda: plan

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +14,7 @@ from fleet.cli.run_output import plain_console
 from fleet.config import require
 
 COMPLAINED = 1
+MOST_PX = 8192
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,11 +34,11 @@ class Shot:
 
     def run(self) -> int:
         """Paint; exit status 1 if the viewer complained."""
-        from fleet.recording.shot import screenshot
+        from fleet.recording.shot import parse_size, screenshot
 
-        found = re.fullmatch(r"(\d+)x(\d+)", self.size)
-        width, height = (int(word) for word in found.groups()) if found else (0, 0)
-        require(0 < width <= 8192 and 0 < height <= 8192, "--size", self.size, "WIDTHxHEIGHT, each from 1 to 8192")
+        width, height = parse_size(self.size) or (0, 0)
+        fits = 0 < width <= MOST_PX and 0 < height <= MOST_PX
+        require(fits, "--size", self.size, f"WIDTHxHEIGHT, each from 1 to {MOST_PX}")
         require(self.at is None or self.at >= 0.0, "--at", self.at, "a number >= 0")
         path = recording_of(self.folder)
         complaints = screenshot(path, self.png, time_s=self.at, size=(width, height), view=self.view)

@@ -125,7 +125,7 @@ class Cars:
         self._drive_nm, self._brake_nm = ([limit * limit_share] * len(WHEELS) for limit in (_DRIVE_NM, _BRAKE_NM))
         self._steer_nm = _STEER_NM * limit_share
         self._urdf, self._has_brakes = urdf, brakes
-        self.bodies: list[int] = [client.load_car(urdf, pose) for pose in start]
+        self.bodies: list[int] = [self._load(pose) for pose in start]
         poses = np.array(start, dtype=np.float64).reshape(-1, 3)
         still = np.zeros(len(poses))
         frames = np.zeros((len(poses), 3, 4))
@@ -152,6 +152,16 @@ class Cars:
         self._brakes: list[int] = []
         for body in self.bodies:
             self._equip(body)
+
+    def _load(self, pose: FloatArray) -> int:
+        """Load a car, on the floor at a pose x, y, yaw, shape (3,); returns its body."""
+        x, y, yaw = (float(number) for number in pose)
+        return self._client.load_urdf(
+            self._urdf,
+            basePosition=(x, y, 0.0),
+            baseOrientation=quaternion(yaw),
+            flags=self._client.URDF_USE_INERTIA_FROM_FILE,
+        )
 
     def _equip(self, body: int) -> None:
         """Say what a car's wheels touch, and give it a brake."""
@@ -314,7 +324,7 @@ class Cars:
             pose: Of its rear axle, x, y, yaw, shape (3,).
             motion: What it goes on from; None = it stands.
         """
-        body = self._client.load_car(self._urdf, pose)
+        body = self._load(pose)
         self.bodies.append(body)
         self._equip(body)
         self._list_anew(len(self.bodies), np.arange(len(self.bodies) - 1))

@@ -53,8 +53,10 @@ class ContactMonitor:
         self._last: dict[tuple[int, int], int] = {}
         self.counts = Contacts()
         self.change_cars(cars)
-        self.mirrors: dict[int, set[int]] = {}
-        """Cars of other worlds, by their bodies, and of this world's cars those whose touches with each count there."""
+        self.ghosts: dict[int, int] = {}
+        """Number in the fleet of each car of another world, by its body."""
+        self.numbers: list[int] = []
+        """The same of this world's cars where there are ghosts; the world of the lower number counts a touch."""
         self.of_arms: IntArray = np.zeros(len(arms), dtype=np.int64)
         """Contacts of each arm so far, shape (n_arms,)."""
         self.fixed: set[int] = set()
@@ -107,7 +109,7 @@ class ContactMonitor:
                     self._load(arm, body, point)
         for car, other in near:
             if any(_touches(point) for point in ask(car, other)):
-                self._touch(car, other, robot=other in self._cars or other in self.mirrors)
+                self._touch(car, other, robot=other in self._cars or other in self.ghosts)
 
     def look_again(self) -> None:
         """Ask about every arm at the next step, since fixed things came or went."""
@@ -167,7 +169,7 @@ class ContactMonitor:
         if holder >= 0:
             self.of_arms[holder] += 1
         if robot:
-            self.counts.robot += body not in self.mirrors.get(other, ())
+            self.counts.robot += other not in self.ghosts or self.numbers[self._cars[body]] < self.ghosts[other]
         else:
             self.counts.static += 1
 

@@ -321,11 +321,8 @@ class BulletWorld:
         if not numbers and not self._ghosts.bodies:
             return
         self._ghosts.show(numbers, poses)
-        bodies = self._cars.bodies
-        self._monitor.mirrors = {
-            ghost: {body for body, mine in zip(bodies, own, strict=True) if mine > number}
-            for number, ghost in self._ghosts.bodies.items()
-        }
+        self._monitor.ghosts = {body: number for number, body in self._ghosts.bodies.items()}
+        self._monitor.numbers = own
         self._near = self._measure()
 
     def in_tray(self, car: int) -> list[int]:

@@ -27,7 +27,6 @@ class RegionSnapshot:
     car_in: IntArray
     still_s: float
     bodies: dict[int, ParcelBody]
-    obstacles: frozenset[int]
     state: bytes | None
 
 
@@ -64,7 +63,6 @@ class Region:
         )
         self.car_in = np.full(n_slots, _FREE, dtype=np.int64)
         self.bodies: dict[int, ParcelBody] = {}
-        self._obstacles: set[int] = set()
         self._serving = np.full(len(arms), -1, dtype=np.int64)
         still = np.zeros_like(part.arm_start)
         none = np.zeros((n_slots, 2)), part.arm_start, still, np.zeros(len(arms), dtype=np.bool_)
@@ -189,14 +187,12 @@ class Region:
             return
         self.wake()
         self.world.add_obstacle(obstacle, centre_m, half_m)
-        self._obstacles.add(obstacle)
 
     def remove_obstacle(self, obstacle: int) -> None:
         """Take such a box down, if there is one."""
-        if obstacle in self._obstacles:
+        if obstacle in self.world.obstacle_ids():
             self.wake()
             self.world.remove_obstacle(obstacle)
-            self._obstacles.remove(obstacle)
 
     def state_bytes(self) -> bytes:
         """The physical state, equal for equal states."""
@@ -214,7 +210,6 @@ class Region:
             car_in=self.car_in.copy(),
             still_s=self._still_s,
             bodies=dict(self.bodies),
-            obstacles=frozenset(self._obstacles),
             state=self._state,
         )
 
@@ -225,7 +220,6 @@ class Region:
         self._roused = _FREE
         self._still_s = snapshot.still_s
         self.bodies = dict(snapshot.bodies)
-        self._obstacles = set(snapshot.obstacles)
         self._state = snapshot.state
         self._seen = (self.world.contacts(), *self.world.contacts_of())
 

@@ -311,7 +311,7 @@ class MixedWorld:
         """
         if not self._config.images:
             raise SensorError(f"camera {camera.name}: this world was made without images; valid: perception camera")
-        region = self._region_at(self._looked_at(camera), self._config.near_m)
+        region = self._region_at(camera.aims_at, self._config.near_m)
         if region is None:
             raise SensorError(f"camera {camera.name}: no arm is near what it looks at; valid: a camera at a station")
         return region.world.image(camera)
@@ -533,13 +533,6 @@ class MixedWorld:
             if parcel in region.bodies:
                 return region
         raise ParcelError(f"parcel {parcel} is not in the world; valid: {self._ids.tolist()}")
-
-    def _looked_at(self, camera: Camera) -> FloatArray:
-        """Where a camera's axis meets the floor, or the camera's own place if it does not, shape (2,)."""
-        eye, axis = camera.world_from_camera[:3, 3], camera.world_from_camera[:3, 2]
-        if axis[2] > -1e-6:
-            return np.asarray(eye[:2])
-        return np.asarray(eye[:2] - axis[:2] * eye[2] / axis[2])
 
 
 def _carried(car: FloatArray, speed: float, steering: float, wheelbase_m: float, pose: FloatArray) -> FloatArray:

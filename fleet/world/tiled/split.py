@@ -36,9 +36,7 @@ class Split:
 
     def at(self, x_m: float, y_m: float) -> int:
         """The tile of a place; beside the floor, that of the nearest square."""
-        rows, cols = self.tile_at.shape
-        row = min(max(int(y_m // CELL_M), 0), rows - 1)
-        return int(self.tile_at[row, min(max(int(x_m // CELL_M), 0), cols - 1)])
+        return int(_at_place(self.tile_at, x_m, y_m))
 
     def bounds(self, tile: int) -> FloatArray:
         """Lowest and highest corner of a tile, x, y, shape (2, 2) [m]."""
@@ -61,8 +59,7 @@ def split_floor(scene: Scene, config: TiledConfig) -> Split:
     xy = np.asarray(scene.arm_base, dtype=np.float64).reshape(-1, 4)[:, :2]
     tile_of_arm = np.zeros(len(xy), dtype=np.int64)
     for arms in arm_groups(xy, config.arm_m):
-        x, y = xy[arms[0]] / CELL_M
-        tile_of_arm[arms] = tile_at[min(max(int(y), 0), rows - 1), min(max(int(x), 0), cols - 1)]
+        tile_of_arm[arms] = _at_place(tile_at, *xy[arms[0]].tolist())
     if len(xy):
         y, x = (np.indices(tile_at.shape) + 0.5) * CELL_M
         away = np.full(tile_at.shape, config.arm_m)
@@ -117,64 +114,62 @@ def reaches(bounds: FloatArray, centre_m: FloatArray, half_m: FloatArray, near_m
 
 
 @njit(cache=True)
-def find_tiles(
-    poses: FloatArray, middle_m: float, tile_at: IntArray, cell_m: float, border_m: float, tile_of: IntArray
-) -> IntArray:
+def _at_place(squares: npt.NDArray[np.generic], x: float, y: float) -> int:
+    """What stands for the square at a place; beside the floor, for the nearest one."""
+    rows, cols = squares.shape
+    return squares[min(max(int(y // CELL_M), 0), rows - 1), min(max(int(x // CELL_M), 0), cols - 1)]
+
+
+@njit(cache=True)
+def _middle(pose: FloatArray, middle_m: float) -> tuple[float, float]:
+    """Where the middle of a car is that stands at a pose x, y, yaw."""
+    return pose[0] + middle_m * math.cos(pose[2]), pose[1] + middle_m * math.sin(pose[2])
+
+
+@njit(cache=True)
+def find_tiles(poses: FloatArray, middle_m: float, tile_at: IntArray, border_m: float, tile_of: IntArray) -> IntArray:
     """Tile that each car should be in: the one it is in, unless it is `border_m` across its border, shape (n,).
 
     Args:
         poses: Of the rear axles, x, y, yaw, shape (n, 3).
         middle_m: From the rear axle to the middle of a car [m].
         tile_at: Tile of each square, shape (rows, cols).
-        cell_m: Length of a square [m].
         border_m: How far across [m].
         tile_of: Tile that each is in, -1 for none yet, shape (n,).
     """
-    rows, cols = tile_at.shape
     wanted = tile_of.copy()
     for car in range(len(poses)):
-        x = poses[car, 0] + middle_m * math.cos(poses[car, 2])
-        y = poses[car, 1] + middle_m * math.sin(poses[car, 2])
-        row = min(max(int(y // cell_m), 0), rows - 1)
-        col = min(max(int(x // cell_m), 0), cols - 1)
-        if tile_at[row, col] == tile_of[car]:
+        x, y = _middle(poses[car], middle_m)
+        here = _at_place(tile_at, x, y)
+        if here == tile_of[car]:
             continue
         across = True
         for side in (-border_m, border_m):
             for ahead in (-border_m, border_m):
-                beside_row = min(max(int((y + side) // cell_m), 0), rows - 1)
-                beside_col = min(max(int((x + ahead) // cell_m), 0), cols - 1)
-                across = across and tile_at[beside_row, beside_col] != tile_of[car]
+                across = across and _at_place(tile_at, x + ahead, y + side) != tile_of[car]
         if across or tile_of[car] < 0:
-            wanted[car] = tile_at[row, col]
+            wanted[car] = here
     return wanted
 
 
 @njit(cache=True)
-def find_guests(
-    poses: FloatArray, middle_m: float, near: BoolArray, cell_m: float, tile_of: IntArray, tile: int
-) -> IntArray:
+def find_guests(poses: FloatArray, middle_m: float, near: BoolArray, tile_of: IntArray, tile: int) -> IntArray:
     """Cars of other tiles that are near to a tile, ascending, shape (g,).
 
     Args:
         poses: Of the rear axles, x, y, yaw, shape (n, 3).
         middle_m: From the rear axle to the middle of a car [m].
         near: Squares that count as near, shape (rows, cols).
-        cell_m: Length of a square [m].
         tile_of: Tile that each car is in, shape (n,).
         tile: The tile.
     """
-    rows, cols = near.shape
     guests = np.empty(len(poses), dtype=np.int64)
     n = 0
     for car in range(len(poses)):
         if tile_of[car] == tile:
             continue
-        x = poses[car, 0] + middle_m * math.cos(poses[car, 2])
-        y = poses[car, 1] + middle_m * math.sin(poses[car, 2])
-        row = min(max(int(y // cell_m), 0), rows - 1)
-        col = min(max(int(x // cell_m), 0), cols - 1)
-        if near[row, col]:
+        x, y = _middle(poses[car], middle_m)
+        if _at_place(near, x, y):
             guests[n] = car
             n += 1
     return guests[:n]

@@ -16,7 +16,7 @@ from fleet.world.protocol import ParcelBody
 from fleet.world.scene import Scene
 from fleet.world.tiled.board import TileBoard
 from fleet.world.tiled.config import TiledConfig
-from fleet.world.tiled.split import CELL_M, Split, find_guests, reaches, tile_scene
+from fleet.world.tiled.split import Split, find_guests, reaches, tile_scene
 
 
 class Load(NamedTuple):
@@ -63,7 +63,6 @@ class Tile:
         self._rows: dict[int, int] = {}
         self._row_list = np.zeros(0, dtype=np.int64)
         self._serving: dict[int, int] = {}
-        self._obstacles: set[int] = set()
         self._moments: dict[int, _Moment] = {}
         self._n_moments = 0
         self._seen = np.zeros(len(self._cars), dtype=np.int64)
@@ -72,7 +71,7 @@ class Tile:
     def step(self) -> None:
         """Advance one tick."""
         board, cars, arms = self._board, self._cars, self._arms
-        guests = find_guests(board.before, self._middle_m, self._near, CELL_M, board.tile_of, self._number)
+        guests = find_guests(board.before, self._middle_m, self._near, board.tile_of, self._number)
         self._world.show_ghosts(guests.tolist(), board.before[guests], cars)
         self._world.step(board.commands[cars], board.arm_q[arms], board.arm_qd[arms], board.grip[arms])
         self._write()
@@ -146,13 +145,11 @@ class Tile:
         self.remove_obstacle(obstacle)
         if reaches(self._bounds, centre_m, half_m, self._config.near_m):
             self._world.add_obstacle(obstacle, centre_m, half_m)
-            self._obstacles.add(obstacle)
 
     def remove_obstacle(self, obstacle: int) -> None:
         """Take such a box down, if there is one."""
-        if obstacle in self._obstacles:
+        if obstacle in self._world.obstacle_ids():
             self._world.remove_obstacle(obstacle)
-            self._obstacles.remove(obstacle)
 
     def rays(self, origins: FloatArray, ends: FloatArray) -> FloatArray:
         """See `World`."""
@@ -186,10 +183,8 @@ class Tile:
         self._world.load(then.world)
         self._cars = list(then.cars)
         self._bodies, self._rows, self._serving = dict(then.bodies), dict(then.rows), dict(then.serving)
-        self._row_list = np.array([self._rows[parcel] for parcel in sorted(self._rows)], dtype=np.int64)
-        self._obstacles = self._world.obstacle_ids()
         self._seen = self._world.contacts_of()[0]
-        self._write()
+        self._other_parcels()
 
     def forget(self, moments: list[int]) -> None:
         """Free some moments."""

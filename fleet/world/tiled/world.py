@@ -56,6 +56,7 @@ class TiledWorld:
         self.tick_s = config.bullet.tick_s
         self.n_cars, self.n_arms = len(scene.car_start), len(scene.arm_base)
         self._split = split_floor(scene, config)
+        self._bounds = [self._split.bounds(tile) for tile in range(self._split.n_tiles)]
         self._middle_m = (scene.car.front_m - scene.car.rear_m) / 2
         joints = np.asarray(scene.arm_start, dtype=np.float64).reshape(self.n_arms, scene.arm.n_joints)
         self._board = board = TileBoard((self.n_cars, self.n_arms, joints.shape[1], self._split.n_tiles))
@@ -211,8 +212,7 @@ class TiledWorld:
         origins, ends = ray_points(origins, ends)
         hits = np.ones(len(origins))
         low, high = np.minimum(origins, ends)[:, :2], np.maximum(origins, ends)[:, :2]
-        for tile in range(self._split.n_tiles):
-            bounds = self._split.bounds(tile)
+        for tile, bounds in enumerate(self._bounds):
             near = ((low <= bounds[1] + CELL_M) & (high >= bounds[0] - CELL_M)).all(axis=1)
             if near.any():
                 hits[near] = np.minimum(hits[near], self._crew.ask(tile, "rays", origins[near], ends[near]))
@@ -220,8 +220,7 @@ class TiledWorld:
 
     def image(self, camera: Camera) -> CameraImage:
         """What a camera sees of the tile that it looks at."""
-        eye, axis = camera.world_from_camera[:3, 3], camera.world_from_camera[:3, 2]
-        x, y = (eye[:2] - axis[:2] * eye[2] / axis[2] if axis[2] < -1e-6 else eye[:2]).tolist()
+        x, y = camera.aims_at.tolist()
         image: CameraImage = self._crew.ask(self._split.at(x, y), "image", camera)
         return image
 
@@ -271,9 +270,7 @@ class TiledWorld:
     def _tiles_now(self) -> IntArray:
         """The tile that each car should be in."""
         board = self._board
-        return find_tiles(
-            board.poses, self._middle_m, self._split.tile_at, CELL_M, self._config.border_m, board.tile_of
-        )
+        return find_tiles(board.poses, self._middle_m, self._split.tile_at, self._config.border_m, board.tile_of)
 
     def _hand_over(self) -> None:
         """Let cars that have crossed a border go on beyond it; at docks there is none, see `split_floor`."""

@@ -13,10 +13,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from fleet.arrays import FloatArray
 from fleet.config import Connect
 from fleet.errors import FleetError
-from fleet.world.bullet.engine.frames import quaternion
 
 # A server that is silent for so long has ended; loading a mesh takes less than a second [s].
 _SERVER_TIMEOUT_S = 30.0
@@ -155,20 +153,6 @@ class Client:
                     return self.loadURDF(str(path), **options)
             except pybullet.error as reason:
                 raise PhysicsError(f"loading a robot description failed: {reason}") from reason
-
-    def load_car(self, text: str, pose: FloatArray) -> int:
-        """Load a description of a car, on the floor at a pose x, y, yaw, shape (3,); returns its body's id.
-
-        Raises:
-            PhysicsError: The engine cannot load it.
-        """
-        x, y, yaw = (float(number) for number in pose)
-        return self.load_urdf(
-            text,
-            basePosition=(x, y, 0.0),
-            baseOrientation=quaternion(yaw),
-            flags=self.URDF_USE_INERTIA_FROM_FILE,
-        )
 
     def base_poses(self, bodies: Iterable[int]) -> list[float]:
         """Measure x, y, z, qx, qy, qz, qw of the bases of some bodies, one after the other."""

@@ -1,37 +1,27 @@
-"""Work in a thread: it begins at once, and its result or its error comes when it is asked for."""
+"""Plans that are made in a thread while the run goes on."""
 
 from __future__ import annotations
 
-import threading
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from typing import Any
 
 import pytest
 
 from fleet.config import ArmConfig, Fidelity, RunConfig
 from fleet.simulation import Simulation
 from fleet.traffic import replanning
-from fleet.traffic.thread_work import ThreadWork
 
 
-def test_work_goes_on_beside_what_asked_for_it() -> None:
-    begun, go_on = threading.Event(), threading.Event()
+class Counted(ThreadPoolExecutor):
+    """Counts what it was given."""
 
-    def work() -> int:
-        begun.set()
-        go_on.wait(10.0)
-        return 7
+    n_given = 0
 
-    under_way = ThreadWork(work)
-    assert begun.wait(10.0)
-    go_on.set()
-    assert [under_way.result(), under_way.result()] == [7, 7]
-
-
-def test_what_goes_wrong_is_told_to_whoever_asks() -> None:
-    def work() -> int:
-        raise ValueError("no plan")
-
-    with pytest.raises(ValueError, match="no plan"):
-        ThreadWork(work).result()
+    def submit(self, work: Callable[..., Any], /, *words: Any, **settings: Any) -> Future[Any]:
+        """As an executor does."""
+        Counted.n_given += 1
+        return super().submit(work, *words, **settings)
 
 
 def test_plans_made_in_a_thread_change_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -39,8 +29,7 @@ def test_plans_made_in_a_thread_change_nothing(monkeypatch: pytest.MonkeyPatch) 
     hashes, threads = [], []
     for least in (replanning.THREAD_CARS, 1):
         monkeypatch.setattr(replanning, "THREAD_CARS", least)
-        made = []
-        monkeypatch.setattr(replanning, "ThreadWork", lambda work, made=made: made.append(1) or ThreadWork(work))
+        monkeypatch.setattr(replanning, "ThreadPoolExecutor", Counted)
         config = RunConfig(
             site="medium",
             robots=12,
@@ -54,6 +43,6 @@ def test_plans_made_in_a_thread_change_nothing(monkeypatch: pytest.MonkeyPatch) 
             while not simulation.finished:
                 simulation.tick()
             hashes.append(simulation.state_hash())
-        threads.append(len(made))
+        threads.append(Counted.n_given)
     assert hashes[0] == hashes[1]
     assert threads[0] == 0 < threads[1]
