@@ -24,6 +24,10 @@ from planners.allocation.problem import Assignment
 TOLD_IN_TURNS = 6
 """Why a task waits is found out anew in one of so many rounds in which tasks change hands: it seldom changes."""
 
+MOST_ASKED = 1_000
+"""So many cars are asked in a round at most, in turn, as time and memory grow with the square of them: a round of
+10,000 cars took 50 s and 3 GB."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Choice:
@@ -33,6 +37,8 @@ class Choice:
     """Cars that lose the task they had not picked yet, and why."""
     given: list[tuple[int, Task]]
     """Cars and their new tasks."""
+    more: bool = False
+    """Whether it goes on: tasks were given out, and there are cars that were not asked."""
 
 
 class TaskAllocation:
@@ -67,6 +73,7 @@ class TaskAllocation:
         self._horizon = horizon
         self._reasons = reason_book
         self._turn = 0
+        self._n_rounds = 0
 
     def change(self, config: AllocationConfig) -> None:
         """Go on with other settings."""
@@ -85,8 +92,10 @@ class TaskAllocation:
         Raises:
             PlanningError: An allocator of one's own gave an answer that is not legal.
         """
-        held, soon_s = situation.held, self._solver.soon_s
-        soon = situation.soon(soon_s)
+        soon_s = self._solver.soon_s
+        everybody, situation = situation, situation.limited(MOST_ASKED, self._n_rounds, soon_s)
+        self._n_rounds += 1
+        held, soon = situation.held, situation.soon(soon_s)
         cars = ((situation.standing == CAN_TAKE) | soon).nonzero()[0]
         if not len(cars) and not situation.exchange:
             return Choice(taken=[], given=[])  # why tasks wait is told in the rounds in which they change hands
@@ -109,7 +118,7 @@ class TaskAllocation:
             task = costs.tasks[column_of[car]]
             if held.get(car) is not task:
                 given.append((car, task))
-        return Choice(taken=taken, given=given)
+        return Choice(taken=taken, given=given, more=situation is not everybody and bool(given))
 
     def _allocate(
         self, costs: CostMatrix, columns: list[int], held: Mapping[int, Task], soon: npt.NDArray[np.bool_]
@@ -120,13 +129,14 @@ class TaskAllocation:
             The column of the task that each car has then, -1 for none, shape (n_cars,); by column the car that is to
             take a task when it is free; and the answer of the allocator, None if there was nothing to ask.
         """
-        column_of = np.full(len(costs.cost_s), -1, dtype=np.int64)
+        column_of = np.full(len(costs.codes), -1, dtype=np.int64)
         later: dict[int, int] = {}
-        cars = costs.cars_for(columns)
-        if not columns or not len(cars):
+        rows = costs.rows_for(columns)
+        if not columns or not len(rows):
             return column_of, later, None
+        cars = costs.cars[rows]
         horizon = self._horizon if self._solver.plans_ahead else None
-        problem = self._solver.problem(costs, columns, cars, held, horizon)
+        problem = self._solver.problem(costs, columns, rows, held, horizon)
         assignment = self._solver.solve(problem)
         if horizon is not None:
             horizon.keep(costs, problem, assignment, columns, cars)
@@ -141,9 +151,9 @@ class TaskAllocation:
     def _why_taken(self, costs: CostMatrix, column_of: npt.NDArray[np.int64], car: int, column: int) -> str:
         """Why a car loses the task of a column, in words."""
         takers = np.flatnonzero(column_of == column)
-        words = [f"cost car_{car} {costs.cost_s[car, column]:.1f} s"]
+        words = [f"cost car_{car} {costs.of_pair(car, column):.1f} s"]
         if takers.size:
-            words.append(f"costs car_{takers[0]} {costs.cost_s[takers[0], column]:.1f} s")
+            words.append(f"costs car_{takers[0]} {costs.of_pair(int(takers[0]), column):.1f} s")
         if column_of[car] >= 0:
             words.append(f"car_{car} takes {costs.tasks[column_of[car]].order.name}")
         return "re-assigned: " + ", ".join(words)
@@ -214,6 +224,8 @@ class TaskAllocation:
             return TaskReason.WAITS_FOR_ITS_CAR, "the car that did the leg before it cannot go on yet"
         if PairReason.LEFT_OVER in reasons:
             return TaskReason.LEFT_OVER, "the allocator left it and a free car over"
+        if PairReason.NOT_ASKED in reasons:
+            return TaskReason.NO_FREE_CAR, "of the cars that were asked every one has another task"
         return TaskReason.NO_FREE_CAR, "every car that could take it has another task"
 
 

@@ -78,6 +78,7 @@ class AllocationRound:
             Decision(
                 time_s=self.costs.now_s,
                 codes=codes,
+                cars=self.costs.cars,
                 cost_s=self.costs.cost_s[:, column].copy(),
                 took=self.took,
                 name_of=self.name_of,

@@ -64,6 +64,7 @@ class Assignments:
             missions.unassign(situation.held[car], now_s, reason)
             missions.stand_down(car)
         missions.lost_a_car = False
+        missions.changed |= choice.more
         for car, task in choice.given:
             self._assign(car, task, tick, now_s)
 

@@ -37,10 +37,12 @@ class CostMatrix:
 
     now_s: float
     tasks: list[Task]
+    cars: npt.NDArray[np.intp]
+    """Cars that can take a task at all, ascending, shape (n_able,): what tasks cost the others need not be known."""
     cost_s: npt.NDArray[np.float64]
-    """Shape (n_cars, n_tasks); inf = not allowed."""
+    """Cost for each of these, shape (n_able, n_tasks); inf = not allowed."""
     codes: npt.NDArray[np.int8]
-    """Why a pair is not allowed, as an index into `PAIR_REASONS`; `CAN_TAKE` where it is, same shape."""
+    """Why a pair is not allowed, as an index into `PAIR_REASONS`; `CAN_TAKE` where it is, shape (n_cars, n_tasks)."""
     pressure_s: FloatArray
     """How much each task presses for being served, the same for all cars, shape (n_tasks,) [s]."""
     states: npt.NDArray[np.int32]
@@ -50,15 +52,21 @@ class CostMatrix:
 
     def offers(self, column: int) -> bool:
         """Whether any car may have a task."""
-        return bool(self.cost_s[:, column].min() < np.inf)
+        return bool(self.cost_s[:, column].min(initial=np.inf) < np.inf)
 
-    def cars_for(self, columns: list[int]) -> npt.NDArray[np.intp]:
-        """Cars that may have any of some tasks, ascending."""
+    def rows_for(self, columns: list[int]) -> npt.NDArray[np.intp]:
+        """Rows of the cars that may have any of some tasks, ascending."""
         # Tasks are contiguous, so that whole columns are compared.
         least_s = np.full(len(self.cost_s), np.inf)
         for column in columns:
             np.minimum(least_s, self.cost_s[:, column], out=least_s)
         return np.flatnonzero(least_s < np.inf)
+
+    def of_pair(self, car: int, column: int) -> float:
+        """What a task costs a car, inf = not allowed."""
+        row = int(np.searchsorted(self.cars, car))
+        found = row < len(self.cars) and self.cars[row] == car
+        return float(self.cost_s[row, column]) if found else np.inf
 
 
 class _Work(NamedTuple):
@@ -140,10 +148,11 @@ class CostModel:
         column_of = {task.index: k for k, task in enumerate(tasks)}
         own = np.full(len(states), -1)
         own[list(situation.held)] = [column_of[task.index] for task in situation.held.values()]
+        cars = np.flatnonzero(out == CAN_TAKE)
         times = pair_times(
-            work.moves,
-            codes,
-            CarSide(free_s, own, booked.early_s),
+            work.moves[:, cars],
+            codes[:, cars],
+            CarSide(free_s[cars], own[cars], booked.early_s[cars]),
             TaskSide(work.begin, work.pick, work.drop, work.n_rest_moves * MOVE_S, not_before_s),
             free_times(booked.turns),
         )
@@ -159,9 +168,16 @@ class CostModel:
         cost_s += times.dear_s.T
         for k, task in enumerate(tasks):
             if task.visit is not None and task.visit.until_full and self._charging is not None:
-                cost_s[:, k] += FULL_S * self._charging.batteries.charge
+                cost_s[:, k] += FULL_S * self._charging.batteries.charge[cars]
         return CostMatrix(
-            now_s=now_s, tasks=tasks, cost_s=cost_s, codes=codes.T, pressure_s=pressure_s, states=states, free_s=free_s
+            now_s=now_s,
+            tasks=tasks,
+            cars=cars,
+            cost_s=cost_s,
+            codes=codes.T,
+            pressure_s=pressure_s,
+            states=states,
+            free_s=free_s,
         )
 
     def _work(self, tasks: Sequence[Task], states: npt.NDArray[np.int32]) -> _Work:

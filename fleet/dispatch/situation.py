@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -29,6 +29,8 @@ _STANDING_CODES = np.array([CODE_OF_REASON[_STANDING[phase]] for phase in PHASES
 
 _ASSIGNED, _LOADING = NUMBER_OF_STATE[TaskState.ASSIGNED], NUMBER_OF_STATE[TaskState.LOADING]
 _CARRIED, _UNLOADING = NUMBER_OF_STATE[TaskState.CARRIED], NUMBER_OF_STATE[TaskState.UNLOADING]
+
+_NOT_ASKED = np.int8(CODE_OF_REASON[PairReason.NOT_ASKED])
 
 
 def _is_one_of(*phases: CarPhase) -> npt.NDArray[np.bool_]:
@@ -74,6 +76,43 @@ class Situation:
     def begins(self, soon_s: float) -> npt.NDArray[np.int32]:
         """State in which each car begins that is free now, or in so many seconds, shape (n_cars,)."""
         return np.where(self.soon(soon_s), self.state, self.ahead).astype(np.int32)
+
+    def limited(self, most: int, turn: int, soon_s: float) -> Situation:
+        """The same with no more than so many cars that are asked, which others are from round to round.
+
+        Half of them are free, of those that will be soon it is a quarter, the first ones, and the rest may give their
+        tasks away; where there are fewer of one kind, more are free.
+
+        Args:
+            most: How many cars are asked, at least 4.
+            turn: Number of the round.
+            soon_s: Cars that cannot take a task now are asked if they can in so many seconds [s].
+        """
+        soon = self.soon(soon_s).nonzero()[0]
+        can_take = self.standing == CAN_TAKE
+        if can_take.sum() + len(soon) <= most:
+            return self
+        gives = np.zeros(len(can_take), dtype=np.bool_)
+        gives[list(self.held)] = True
+        soon = soon[np.argsort(self.free_s[soon], kind="stable")][: most // 4]
+        free = _in_turn((can_take & ~gives).nonzero()[0], most // 2, turn)
+        held = _in_turn(gives.nonzero()[0], most - len(soon) - len(free), turn)
+        free = _in_turn((can_take & ~gives).nonzero()[0], most - len(soon) - len(held), turn)
+        asked = np.zeros(len(can_take), dtype=np.bool_)
+        asked[free] = asked[held] = True
+        comes = np.zeros(len(can_take), dtype=np.bool_)
+        comes[soon] = True
+        return replace(
+            self,
+            standing=np.where(can_take & ~asked, _NOT_ASKED, self.standing),
+            held={car: task for car, task in self.held.items() if asked[car]},
+            free_s=np.where(comes, self.free_s, np.inf),
+        )
+
+
+def _in_turn(cars: npt.NDArray[np.intp], most: int, turn: int) -> npt.NDArray[np.intp]:
+    """So many of some cars, others from round to round."""
+    return np.roll(cars, -turn * most)[:most]
 
 
 def situation_of(

@@ -45,7 +45,7 @@ class Solver:
         self,
         costs: CostMatrix,
         columns: list[int],
-        cars: npt.NDArray[np.intp],
+        rows: npt.NDArray[np.intp],
         held: Mapping[int, Task],
         horizon: RollingHorizon | None,
     ) -> AllocationProblem:
@@ -54,16 +54,17 @@ class Solver:
         Args:
             costs: What tasks cost.
             columns: Columns of the tasks among them.
-            cars: The cars, ascending.
+            rows: Rows of the cars among them, ascending.
             held: Tasks that cars have already and may still give away, by car.
             horizon: Makes the job shop for allocators that plan ahead.
         """
         tasks = [costs.tasks[column] for column in columns]
         at = {task.index: k for k, task in enumerate(tasks)}
-        has_of = np.full(len(costs.cost_s), NO_TASK, dtype=np.int32)
+        cars = costs.cars[rows]
+        has_of = np.full(len(costs.codes), NO_TASK, dtype=np.int32)
         has_of[list(held)] = [at.get(task.index, NO_TASK) for task in held.values()]
         return AllocationProblem(
-            cost=costs.cost_s.T[columns].take(cars, axis=1).T,  # tasks are contiguous, and stay so
+            cost=costs.cost_s.T[columns].take(rows, axis=1).T,  # tasks are contiguous, and stay so
             class_of=np.array([task.order.rank for task in tasks], dtype=np.int32),
             since_s=np.array([task.since_s[TaskState.BACKLOG] for task in tasks]),
             held=has_of[cars],

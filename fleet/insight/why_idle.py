@@ -10,7 +10,9 @@ from fleet.run.view import RunView
 from fleet.tasks.board import DONE_STATES, Task, TaskState
 from fleet.tasks.reasons import CODE_OF_REASON, PAIR_REASONS, PairReason, TaskReason
 
-_PASSED = frozenset({PairReason.CAR_BUSY, PairReason.CAR_OUT, PairReason.CAR_CHARGES, PairReason.CHOSEN})
+_PASSED = frozenset(
+    {PairReason.CAR_BUSY, PairReason.CAR_OUT, PairReason.CAR_CHARGES, PairReason.CHOSEN, PairReason.NOT_ASKED}
+)
 """What was true when tasks were last given out, and is not of a car that is idle."""
 _DETAIL_OF_CODE = np.array(
     [DETAIL_OF["next_round" if reason in _PASSED else reason] for reason in PAIR_REASONS], dtype=np.int32

@@ -9,7 +9,6 @@ from fleet.missions.nearest_place import NOWHERE
 from fleet.missions.phases import ON_VISIT
 from fleet.missions.state import Missions
 from fleet.missions.ways import Ways
-from planners.mapf.distance_table import UNREACHABLE
 
 
 class Parking:
@@ -48,7 +47,7 @@ class Parking:
         taken[self._ways.goals[self._missions.cars_in(*ON_VISIT)]] = True
         has_place = self._is_place[goals] & ~taken[goals]
         bound = (has_place & (tails != goals)).nonzero()[0]
-        has_place[bound] = self._ways.moves_each(tails[bound], goals[bound]) < UNREACHABLE
+        has_place[bound] = self._ways.reaches_each(tails[bound], goals[bound])
         # After a visit to its place a car stays no longer than it likes.
         self._ways.let_push(waiting[has_place])
         without = np.flatnonzero(~has_place)

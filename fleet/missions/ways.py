@@ -73,6 +73,13 @@ class Ways:
         found: npt.NDArray[np.uint16] = rows[row, states]
         return found
 
+    def reaches_each(self, states: States, goals: npt.NDArray[np.int32]) -> npt.NDArray[np.bool_]:
+        """Whether there is a way from each state to the goal beside it, past all that is blocked now, shape (n,)."""
+        if not self._traffic.blocked.any():
+            return self.joins(states, goals)  # which takes no row of distances for every goal
+        reached: npt.NDArray[np.bool_] = self.moves_each(states, goals) < UNREACHABLE
+        return reached
+
     def between(self, state: int, goal: int) -> int:
         """Moves from one state to another, `UNREACHABLE` if there is no way."""
         return int(self._traffic.tables.to(goal)[state])

@@ -52,6 +52,8 @@ class PairReason(StrEnum):
     """The visit has to wait for room at its place."""
     LEFT_OVER = "left_over"
     """Nothing forbids it, and the allocator took neither: it is not exact, or gave up."""
+    NOT_ASKED = "not_asked"
+    """More cars could take tasks than are asked in a round, and others were."""
 
 
 class TaskReason(StrEnum):
@@ -129,8 +131,10 @@ class Decision:
     time_s: float
     codes: npt.NDArray[np.int8]
     """Index into `PAIR_REASONS` for each car, shape (n_cars,)."""
+    cars: npt.NDArray[np.intp]
+    """Cars that could take a task at all, ascending, shape (n_able,)."""
     cost_s: npt.NDArray[np.float64]
-    """Cost of each car, inf = not allowed, shape (n_cars,)."""
+    """Cost of each of these, inf = not allowed, shape (n_able,)."""
     took: npt.NDArray[np.int64]
     """Task that each car has after the allocation, -1 = none, shape (n_cars,)."""
     name_of: Callable[[int], str]
@@ -141,8 +145,9 @@ class Decision:
     def pairs(self) -> tuple[PairVerdict, ...]:
         """The verdict on each car."""
         found = []
+        cost_of = dict(zip(self.cars.tolist(), self.cost_s.tolist(), strict=True))
         for car, code in enumerate(self.codes.tolist()):
-            reason, cost_s = PAIR_REASONS[code], float(self.cost_s[car])
+            reason, cost_s = PAIR_REASONS[code], cost_of.get(car, math.inf)
             took = self.name_of(int(self.took[car])) if self.took[car] >= 0 else ""
             detail = _DETAILS[reason].format(took=took, taker=self.taker)
             cost = cost_s if math.isfinite(cost_s) else None
@@ -188,6 +193,7 @@ _DETAILS = {
     PairReason.PLANNED_LATER: "is to take it after {took}",
     PairReason.LEFT_OVER: "was left without a task by the allocator",
     PairReason.NOT_OFFERED: "was not asked",
+    PairReason.NOT_ASKED: "will be asked in its turn",
 }
 
 

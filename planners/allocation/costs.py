@@ -56,7 +56,7 @@ def task_costs(
     done in time for what is late anyway.
 
     Args:
-        travel_s: Time until each vehicle is where each task begins, shape (n_vehicles, n_tasks), at least one vehicle;
+        travel_s: Time until each vehicle is where each task begins, shape (n_vehicles, n_tasks);
             inf = not allowed.
         rest_s: Travel from there to where the task ends, shape (n_tasks,).
         service_s: Time that vehicles stand for it, shape (n_tasks,).
@@ -110,7 +110,10 @@ def _late_costs(
     """Travel and lateness of each task (row) with each vehicle (column), and the soonest end of each task."""
     for task in range(travel_s.shape[0]):
         begin_s = now_s + work_s[0, task] + work_s[1, task]
-        best_s[task] = begin_s + travel_s[task].min()
+        least_s = np.inf
+        for vehicle in range(travel_s.shape[1]):
+            least_s = min(least_s, travel_s[task, vehicle])
+        best_s[task] = begin_s + least_s
         from_s = max(best_s[task], work_s[2, task])
         for vehicle in range(travel_s.shape[1]):
             end_s = begin_s + travel_s[task, vehicle]

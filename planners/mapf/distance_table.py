@@ -46,6 +46,8 @@ class DistanceTable:
         graph: Lane graph.
         blocked: Cells nobody may enter, shape (n_cells,).
         memory_cap: Memory for distances [bytes]; a goal costs two per state.
+        memory_kept: Memory beyond which goals that are not asked for any more make room [bytes], so that more is taken
+            only for goals that are needed at once; None = `memory_cap`.
         costs: What it costs to leave each cell, in timesteps of a usual one, shape (n_cells,), 1 to `MOST_COST`; None =
             1 each. A way costs the sum over its cells but the last, so that what is dear is gone round, and whoever
             stands there leaves it.
@@ -64,6 +66,7 @@ class DistanceTable:
         blocked: BoolArray,
         *,
         memory_cap: int = MEMORY_CAP_BYTES,
+        memory_kept: int | None = None,
         costs: npt.NDArray[np.int64] | None = None,
         move_costs: npt.NDArray[np.integer[Any]] | None = None,
         surcharges: npt.NDArray[np.integer[Any]] | None = None,
@@ -90,6 +93,8 @@ class DistanceTable:
             self._price = self._price_of(_checked("move_costs", move_costs, graph.n_moves))
         # The system hands out memory when it is first written to, so rows that are never filled cost nothing.
         self._rows: Distances = np.empty((min(graph.n_states, memory_cap // row_bytes), graph.n_states), np.uint16)
+        kept = memory_cap if memory_kept is None else memory_kept
+        self._kept_n = min(len(self._rows), kept // row_bytes)
         self._free = np.arange(len(self._rows) - 1, -1, -1, dtype=np.int32)  # a stack, its top at the end
         self._row_of = np.full(graph.n_states, -1, dtype=np.int32)
         self._goal_of = np.full(len(self._rows), -1, dtype=np.int32)
@@ -110,7 +115,7 @@ class DistanceTable:
     @property
     def keeps_all(self) -> bool:
         """Whether no goal ever has to make room for another."""
-        return len(self._rows) == self.graph.n_states
+        return self._kept_n == self.graph.n_states
 
     def after(self, state: int) -> IntArray:
         """States that a move leads to from a state, open or not."""
@@ -188,7 +193,7 @@ class DistanceTable:
 
     def _search(self, goals: IntArray) -> None:
         """Fill a row for each of these goals, which are distinct and have none yet."""
-        if len(goals) > len(self._free):
+        if self.n_goals + len(goals) > self._kept_n:
             self._make_room(len(goals))
         rows = self._free[len(self._free) - len(goals) :].copy()
         parts = 1
@@ -235,7 +240,10 @@ class DistanceTable:
         return np.empty(2 * n_states + int(self._price.max(initial=0)) + 1, dtype=np.uint32)
 
     def _make_room(self, n: int) -> None:
-        """Give up the goals not asked for longest, so that `n` rows are free; never those of this call."""
+        """Give up the goals not asked for longest, so that there is room for `n`; never those of this call.
+
+        More rows than are kept are held only where this call needs them.
+        """
         old = np.flatnonzero((self._goal_of >= 0) & (self._asked < self._call))
         short = n - len(self._free)
         if short > len(old):
@@ -245,7 +253,7 @@ class DistanceTable:
                 f"distance table: {needed} distinct goals need {needed * row_bytes} bytes at once; valid: at most "
                 f"{len(self._rows)} goals in a memory_cap of {len(self._rows) * row_bytes} bytes"
             )
-        many = min(len(old), max(short, len(self._rows) // _EVICTED_AT_ONCE))
+        many = min(len(old), max(self.n_goals + n - self._kept_n, self._kept_n // _EVICTED_AT_ONCE))
         gone = old[np.argsort(self._asked[old], kind="stable")[:many]].astype(np.int32)
         self._row_of[self._goal_of[gone]] = -1
         self._goal_of[gone] = -1

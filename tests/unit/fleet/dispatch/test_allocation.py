@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 
 from fleet.config import AllocationConfig, BatteryConfig
+from fleet.dispatch import allocation
 from fleet.missions.phases import CarPhase
 from fleet.tasks.board import TaskState
 from fleet.tasks.order import Ability
@@ -58,6 +59,18 @@ def test_without_tasks_nothing_is_given_out() -> None:
     assert floor.allocation.choose(floor.situation(), 0.0).given == []
     floor.assigned("a", car=1)  # alone, it cannot change hands
     assert floor.allocation.choose(floor.situation(), 0.0).taken == []
+
+
+def test_of_more_cars_than_are_asked_the_others_are_asked_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(allocation, "MOST_ASKED", 1)
+    floor = Floor(orders=[delivery("a"), delivery("b")])
+    for name in "ab":
+        floor.ready(name)
+    give_out(floor, exchange=False)
+    assert [car is None for car in floor.missions.task_of] == [False, True]
+    assert floor.missions.changed, "car 1 was not asked"
+    give_out(floor, exchange=False)
+    assert None not in floor.missions.task_of
 
 
 def far_away() -> Floor:

@@ -95,7 +95,7 @@ def test_a_car_out_of_service_takes_nothing(phase: CarPhase, reason: PairReason)
     floor.missions.enter(0, phase)
     costs = priced(floor, "a")
     assert verdicts(costs) == [reason, None]
-    assert costs.cost_s[0, 0] == np.inf
+    assert costs.of_pair(0, 0) == np.inf
 
 
 def test_a_car_without_a_way_takes_nothing_and_nobody_a_task_without_a_way_on() -> None:
@@ -201,7 +201,8 @@ def test_the_wait_for_an_arm_that_is_taken_counts() -> None:
     for name in "bv":
         floor.ready(name)
     costs = floor.costs("b", "v", exchange=False)
-    assert costs.cost_s[1] == pytest.approx([15.5, 11.0])  # nobody waits on a visit
+    assert costs.cars.tolist() == [1]
+    assert costs.cost_s[0] == pytest.approx([15.5, 11.0])  # nobody waits on a visit
 
 
 def test_the_wait_at_the_drop_station_counts() -> None:

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from fleet.config import BatteryConfig
-from fleet.dispatch.situation import CAN_TAKE
+from fleet.dispatch.situation import CAN_TAKE, Situation
 from fleet.missions.phases import CarPhase
 from fleet.tasks.board import Task, TaskState
 from fleet.tasks.reasons import CODE_OF_REASON, PAIR_REASONS, PairReason
 from planners.mapf.distance_table import UNREACHABLE
-from tests.unit.fleet.missions.floor import Floor, delivery, visit
+from tests.unit.fleet.missions.floor import Floor, delivery, fake, visit
 
 CHARGER_1 = 4
 
@@ -168,3 +168,50 @@ def test_all_cars_at_once_are_judged_as_one_by_one(seed: int) -> None:
     gives = {car: gives_away_naively(floor, car) for car in range(n)}
     assert situation.held == {car: task for car, task in gives.items() if task is not None}
     np.testing.assert_allclose(situation.free_s, [free_naively(floor, car, 2.0) for car in range(n)], rtol=1e-12)
+
+
+def crowd(n_free: int, n_soon: int, n_held: int) -> Situation:
+    """Cars that are free, then those that will be, the first ones last, then those that may give their task away."""
+    n = n_free + n_soon + n_held
+    free_s = np.full(n, np.inf)
+    free_s[n_free : n_free + n_soon] = np.arange(n_soon, 0, -1)
+    standing = np.full(n, CAN_TAKE, dtype=np.int8)
+    standing[n_free : n_free + n_soon] = CODE_OF_REASON[PairReason.CAR_BUSY]
+    return Situation(
+        standing=standing,
+        held={car: fake() for car in range(n_free + n_soon, n)},
+        kept={},
+        state=np.zeros(n, dtype=np.int32),
+        free_s=free_s,
+        ahead=np.zeros(n, dtype=np.int32),
+        exchange=True,
+    )
+
+
+def asked(situation: Situation) -> list[int]:
+    able = (situation.standing == CAN_TAKE) | situation.soon(np.inf)
+    return np.flatnonzero(able).tolist()
+
+
+def test_as_many_cars_as_are_asked_are_all_asked() -> None:
+    situation = crowd(3, 2, 3)
+    assert situation.limited(8, 5, np.inf) is situation
+
+
+def test_of_more_cars_others_are_asked_from_round_to_round() -> None:
+    situation = crowd(6, 4, 5)
+    first, second = (situation.limited(8, turn, np.inf) for turn in (0, 1))
+    assert asked(first) == [0, 1, 2, 3, 8, 9, 10, 11]
+    assert list(first.held) == [10, 11]
+    assert asked(second) == [0, 1, 4, 5, 8, 9, 12, 13]
+    assert list(second.held) == [12, 13]
+    # Those that are not asked are told so, and whatever else cars are about stays.
+    not_asked = CODE_OF_REASON[PairReason.NOT_ASKED]
+    assert (first.standing == not_asked).nonzero()[0].tolist() == [4, 5, 12, 13, 14]
+    assert first.standing[6] == CODE_OF_REASON[PairReason.CAR_BUSY]
+
+
+def test_where_few_are_of_one_kind_more_of_the_others_are_asked() -> None:
+    assert asked(crowd(20, 0, 0).limited(8, 0, np.inf)) == list(range(8))
+    assert asked(crowd(20, 0, 2).limited(8, 0, np.inf)) == [*range(6), 20, 21]
+    assert asked(crowd(1, 1, 20).limited(8, 0, np.inf)) == [0, 1, *range(2, 8)]

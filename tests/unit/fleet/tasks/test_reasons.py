@@ -28,6 +28,7 @@ class Round:
             Decision(
                 time_s=self.time_s,
                 codes=np.array([CODE_OF_REASON[PairReason.CHOSEN]], dtype=np.int8),
+                cars=np.array([0]),
                 cost_s=np.array([10.0 * self.time_s + column]),
                 took=np.array([self.tasks[column].index]),
                 name_of=str,

@@ -93,6 +93,17 @@ def test_one_call_for_more_goals_than_the_cap_holds_is_refused_with_the_numbers(
     assert distances[row, [4, 5]].tolist() == [0, 0], "the table is as good as before"
 
 
+def test_more_goals_than_are_kept_are_held_only_as_long_as_they_are_asked_for() -> None:
+    table = DistanceTable(one_way_loop(9), nothing_blocked(9), memory_kept=3 * 9 * 2)
+    goals = np.arange(6, dtype=np.int32)
+    distances, row = table.rows(goals)
+    assert distances[row, goals].tolist() == [0] * 6
+    assert (table.n_goals, table.capacity, table.keeps_all) == (6, 9, False)
+    distances, row = table.rows(np.array([6, 7], dtype=np.int32))
+    assert distances[row, [6, 7]].tolist() == [0, 0]
+    assert table.n_goals == 3, "the goals asked for longest ago made room"
+
+
 def test_a_cap_that_holds_no_goal_is_refused() -> None:
     with pytest.raises(PlanningError, match="memory_cap = 17; valid: at least 18"):
         DistanceTable(one_way_loop(9), nothing_blocked(9), memory_cap=17)
