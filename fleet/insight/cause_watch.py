@@ -45,7 +45,6 @@ _FREE = (ArmPhase.IDLE, ArmPhase.HOLDING)
 KEPT, KEPT_OF_EACH = 2**16, 512
 """So many of the last changes are kept, of all robots and for each: hours of a small fleet, minutes of a large one in
 dense traffic. The file of a run has all of them."""
-_MOST_REMEMBERED = 4096
 _LOOK_UP = -2  # on its way without a move
 
 
@@ -100,8 +99,6 @@ class CauseWatch:
         self._given, self._booked, self._phases = (-1, -1), -1, -1
         self._tables: object = None
         self._seen = np.full(self._n_cars, NONE, dtype=np.int64)
-        self._next: dict[tuple[int, int], int] = {}
-        self._n_ways = -1
         self._gated = any(service.gate is not None for service in run.arm_manager.services)
         self._arm_changes: list[object] = [None] * run.world.n_arms
         self._n_arm_bookings = -1
@@ -147,40 +144,24 @@ class CauseWatch:
         """Cars on their way that stand and have no move left: they are there, or nothing is planned for them."""
         run = self._run
         traffic, phases = run.traffic, run.missions.phase_index
-        tails = run.executor.tail_states()
-        waiting: list[tuple[int, int]] = []
+        tails, goals = run.executor.tail_states(), traffic.goals
         cars = (self.rows[:, _CAUSE] == _LOOK_UP).nonzero()[0]
-        places = self.rows[cars, _PLACE].tolist()
-        for car, tail, goal, place in zip(
-            cars.tolist(), tails[cars].tolist(), traffic.goals[cars].tolist(), places, strict=True
-        ):
-            if tail == goal or goal < 0:
-                phase = phases[car]
-                self._parked[car] = phase in (_HELD_PHASE, _IDLE_PHASE)
-                if phase == _IDLE_PHASE:
-                    self.rows[car] = self._without_task[car]
-                elif self._parked[car]:
-                    self._set_held(car)
-                else:
-                    self._look_at_goal(car, place)
-            elif (cell := self._next_cell(tail, goal)) < 0:
-                cell = traffic.obstacle(tail, goal)
-                self._set(car, Cause.BLOCKED, by=self._wreck(cell), cell=cell, place=place)
-            else:
-                waiting.append((car, cell))
-        if waiting:
-            self._set_next_cells(np.array(waiting, dtype=np.int64), tick)
-
-    def _next_cell(self, state: int, goal: int) -> int:
-        """See `Traffic.next_cell`; remembered, because a car that waits asks again in every tick."""
-        traffic = self._run.traffic
-        if self._n_ways != traffic.n_ways or len(self._next) > _MOST_REMEMBERED:
-            self._n_ways = traffic.n_ways
-            self._next.clear()
-        cell = self._next.get((state, goal))
-        if cell is None:
-            cell = self._next[state, goal] = traffic.next_cell(state, goal)
-        return cell
+        is_there = (tails[cars] == goals[cars]) | (goals[cars] < 0)
+        there, away = cars[is_there], cars[~is_there]
+        idle, held = phases[there] == _IDLE_PHASE, phases[there] == _HELD_PHASE
+        self._parked[there] = idle | held
+        self.rows[there[idle]] = self._without_task[there[idle]]
+        for car in there[held].tolist():
+            self._set_held(car)
+        at_goal = there[~(idle | held)]
+        for car, place in zip(at_goal.tolist(), self.rows[at_goal, _PLACE].tolist(), strict=True):
+            self._look_at_goal(car, place)
+        cells = traffic.next_cells(tails[away], goals[away])
+        for car in away[cells < 0].tolist():
+            cell = traffic.obstacle(int(tails[car]), int(goals[car]))
+            self._set(car, Cause.BLOCKED, by=self._wreck(cell), cell=cell, place=int(self.rows[car, _PLACE]))
+        if (cells >= 0).any():
+            self._set_next_cells(np.column_stack((away, cells))[cells >= 0], tick)
 
     def _wreck(self, cell: int) -> int:
         """The dead car that blocks a cell."""

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from fleet.arrays import CellArray
 from fleet.config import TrafficConfig
 from fleet.traffic.crowding import WAITS_AFTER_S, Crowding
 from fleet.traffic.executor import Executor
@@ -202,9 +203,10 @@ class Traffic:
         known = self._pending.goals[car] == self.goals[car]
         return self._pending.due_tick + (0 if known else self._latency)
 
-    def next_cell(self, state: int, goal: int) -> int:
-        """The cell that comes next on the shortest way from a state to a goal, `NO_CELL` if there is no way."""
-        return self._step(self.ways, state, goal)[0]
+    def next_cells(self, states: CellArray, goals: CellArray) -> CellArray:
+        """The cell that comes next on the shortest way from each state to the goal beside it, `NO_CELL` = no way."""
+        after = self.ways.next_states(states, goals)
+        return np.where(after >= 0, self.graph.state_cell[after], NO_CELL).astype(np.int32)
 
     def obstacle(self, state: int, goal: int) -> int:
         """The first blocked cell on what would be the shortest way to a goal, `NO_CELL` if there would be none."""

@@ -170,6 +170,20 @@ class DistanceTable:
             _look_up(goals, self._row_of, index)
         return self._rows, index
 
+    def next_states(self, states: IntArray, goals: IntArray) -> IntArray:
+        """The state that comes next on the shortest way from each state to the goal beside it, shape (n,).
+
+        Of several it is the one whose move comes first; from a goal the way leads round to it. -1 = no way.
+
+        Raises:
+            PlanningError: As from `rows`.
+        """
+        rows, row = self.rows(goals)
+        after: IntArray = np.empty(len(states), dtype=np.int32)
+        graph = self.graph
+        _next_states(states, row, rows, (graph.out_ptr, graph.out_move, graph.move_to), after)
+        return after
+
     def reprice(self, costs: npt.NDArray[np.int64], goals: IntArray) -> None:
         """Let cells cost something else from now on.
 
@@ -371,6 +385,22 @@ def _fill(
                     distance[other] = min(known, level)
         furthest = max(furthest, int(level) - 1)
     return furthest
+
+
+@njit(cache=True, nogil=True)
+def _next_states(
+    states: IntArray, row: IntArray, rows: Distances, moves: tuple[IntArray, IntArray, IntArray], after: IntArray
+) -> None:  # pragma: no cover - compiled
+    """Choose the move that leaves least to go."""
+    out_ptr, out_move, move_to = moves
+    for k in range(len(states)):
+        state, after[k], least = states[k], -1, UNREACHABLE + 1
+        if row[k] < 0 or rows[row[k], state] >= UNREACHABLE:
+            continue
+        for out in range(out_ptr[state], out_ptr[state + 1]):
+            left = int(rows[row[k], move_to[out_move[out]]])
+            if left < least:
+                after[k], least = move_to[out_move[out]], left
 
 
 @njit(cache=True, nogil=True)

@@ -8,6 +8,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
+from fleet.arrays import CellArray
 from fleet.config import TrafficConfig
 from fleet.errors import ConfigError
 from fleet.traffic.executor import Executor
@@ -120,20 +121,24 @@ def test_a_budget_that_is_none_is_refused() -> None:
         TrafficConfig(iterations_n=0)
 
 
+def at(state: int, goal: int) -> tuple[CellArray, CellArray]:
+    return np.array([state], dtype=np.int32), np.array([goal], dtype=np.int32)
+
+
 def test_avoided_cells_are_passed_only_where_there_is_no_other_way() -> None:
     """A grid of 2 x 3 cells: from 0 to 2 the way leads through 1, or round it through 3."""
     graph, settings = open_grid(2, 3), TrafficConfig()
     driver: Any = Drivers()
     executor = Executor(graph, np.array([0], dtype=np.int32), driver, settings, lambda kind, **facts: None)
-    assert Traffic(graph, executor, settings, WORLD.tick_s, seed=0).next_cell(0, 2) == 1
+    assert Traffic(graph, executor, settings, WORLD.tick_s, seed=0).next_cells(*at(0, 2)).tolist() == [1]
     traffic = Traffic(graph, executor, settings, WORLD.tick_s, seed=0, free=FloorDistances(graph, [1]))
-    assert traffic.next_cell(0, 2) == 3
-    assert traffic.next_cell(0, 1) == 1  # is the goal
+    assert traffic.next_cells(*at(0, 2)).tolist() == [3]
+    assert traffic.next_cells(*at(0, 1)).tolist() == [1]  # is the goal
     assert traffic.tables.to(2)[0] == 2  # as far as it is
     traffic.set_blocked(4, True)
-    assert traffic.next_cell(0, 2) == 1
+    assert traffic.next_cells(*at(0, 2)).tolist() == [1]
     traffic.set_blocked(4, False)
-    assert traffic.next_cell(0, 2) == 3
+    assert traffic.next_cells(*at(0, 2)).tolist() == [3]
 
 
 class TwoLanes:

@@ -62,6 +62,22 @@ def test_rows_point_at_the_goals_of_an_instance() -> None:
     assert all(distances[row[k], goals[k]] == 0 for k in range(len(goals)) if goals[k] >= 0)
 
 
+def test_the_next_state_is_the_first_of_those_from_which_least_is_left() -> None:
+    graph, rng = one_way_grid(6, 8), np.random.default_rng(0)
+    blocked = nothing_blocked(graph.n_cells)
+    blocked[9] = True
+    table = DistanceTable(graph, blocked)
+    states, goals = rng.integers(graph.n_states, size=(2, 400)).astype(np.int32)
+    goals[:5] = -1
+    after = table.next_states(states, goals)
+    for state, goal, found in zip(states.tolist(), goals.tolist(), after.tolist(), strict=True):
+        if goal < 0 or table.to(goal)[state] == UNREACHABLE:
+            assert found == -1
+        else:
+            assert found == min(table.after(state).tolist(), key=lambda other: table.to(goal)[other])
+    assert {-1} < set(after.tolist())
+
+
 def test_the_goal_that_was_not_asked_for_longest_makes_room() -> None:
     table = DistanceTable(one_way_loop(9), nothing_blocked(9), memory_cap=2 * 9 * 2)
     table.to(0)
