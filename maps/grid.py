@@ -78,6 +78,11 @@ class GridMap:
         """Row and column of a cell index; works on integers and on integer arrays."""
         return index // self.cols, index % self.cols
 
+    def words(self, index: int) -> str:
+        """A cell as messages name it; rows count from 0 at the top, columns from 0 at the left, as everywhere."""
+        row, col = self.row_col(index)
+        return f"row {row}, column {col}"
+
     def xy(self, row: float, col: float) -> tuple[float, float]:
         """Centre of a cell [m]."""
         return (col + 0.5) * self.cell_m, (self.rows - row - 0.5) * self.cell_m

@@ -85,12 +85,12 @@ def parse_plan(lines: Sequence[str], *, where: str) -> FloorPlan:
     """
     if not lines or not lines[0]:
         raise PlanError(f"{where}: plan is empty; valid: at least one row of cells")
-    for number, line in enumerate(lines, start=1):
+    for number, line in enumerate(lines):
         if len(line) != len(lines[0]):
             raise PlanError(
                 f"{where}: plan row {number} has {len(line)} characters; valid: {len(lines[0])} like the first row"
             )
-        for column, character in enumerate(line, start=1):
+        for column, character in enumerate(line):
             if character not in LEGEND:
                 raise PlanError(
                     f"{where}: plan row {number}, column {column}: unknown character {character!r}; "

@@ -71,7 +71,8 @@ def check_site(site: Site) -> SiteReport:
 def draw_site(site: Site) -> str:
     """Draw the plan with its lanes: every other character is a cell, an arrow between two cells is their lane.
 
-    Floor is '.', a cut cell ','; '-' and '|' are two-way lanes; blocked cells keep their character of the plan.
+    Floor is '.', a cut cell ','; '-' and '|' are two-way lanes; blocked cells keep their character of the plan. Before
+    each row stands its number, above every fifth column that one's, and behind a row the stations whose docks it has.
     """
     rows, cols = site.grid.rows, site.grid.cols
     canvas = np.full((2 * rows - 1, 2 * cols - 1), " ")
@@ -87,7 +88,18 @@ def draw_site(site: Site) -> str:
         if (end, start) in lanes:
             arrow = "-" if across else "|"
         canvas[row + next_row, col + next_col] = arrow
-    return "\n".join("".join(line).rstrip() for line in canvas)
+    margin = len(str(rows - 1)) + 2
+    heading = " " * margin + "".join(f"{col:<10}" for col in range(0, cols, 5))
+    lines = [heading.rstrip()]
+    for number, line in enumerate(canvas):
+        row, between = divmod(number, 2)
+        named = (
+            [] if between else [station for station in site.stations if site.grid.row_col(station.dock.cell)[0] == row]
+        )
+        names = ", ".join(station.name for station in sorted(named, key=lambda station: int(station.dock.cell)))
+        mark = "" if between else str(row)
+        lines.append(f"{mark:>{margin - 2}}  {''.join(line)}  {names}".rstrip())
+    return "\n".join(lines)
 
 
 def _warnings(site: Site, ratio: float) -> tuple[str, ...]:
@@ -112,9 +124,8 @@ def _warnings(site: Site, ratio: float) -> tuple[str, ...]:
     for what, cells in (("parking", site.parking), ("charger", site.chargers)):
         for cell in cells:
             if blocked.get(cell):
-                row, col = site.grid.row_col(cell)
                 found.append(
-                    f"{what} at row {row + 1}, column {col + 1}: a car standing there blocks the only lane to "
+                    f"{what} at {site.grid.words(cell)}: a car standing there blocks the only lane to "
                     f"{blocked[cell]} other places"
                 )
     return tuple(found)

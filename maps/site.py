@@ -16,6 +16,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from maps.errors import LaneError, PlanError, SiteFileError, UnknownSiteError
 from maps.grid import BoolGrid, GridMap
 from maps.plan import FloorPlan, parse_plan
+from maps.reading.near import hint
 from maps.reading.shown import named, shown
 from maps.reading.text_file import FileError, is_file, parse_toml, read_text
 from maps.stations import StationOptions, StationPlace, match_arms, name_stations, place_stations
@@ -195,7 +196,8 @@ def _read_table(name_or_path: str | os.PathLike[str]) -> tuple[_SiteTable, str]:
     path = _DATA / f"{text}.toml" if text in site_names() else Path(text)
     if not is_file(path):
         raise UnknownSiteError(
-            f"site {shown(text)} is unknown; valid: one of {', '.join(site_names())} or a path to a site file"
+            f"site {shown(text)} is unknown{hint(text, site_names())}; valid: one of {', '.join(site_names())} "
+            "or a path to a site file"
         )
     where = f"site {text}"
     try:
@@ -293,11 +295,14 @@ def site_from_plan(
 
 
 def _first_problem(error: ValidationError) -> str:
-    problem = error.errors()[0]
+    # A word that is not known may be the one that is missing, spelt wrongly.
+    problem = min(error.errors(), key=lambda problem: problem["type"] != "extra_forbidden")
     path = ".".join(str(part) for part in problem["loc"])
     if problem["type"] == "extra_forbidden":
         model = _StationTable if len(problem["loc"]) > 1 else _SiteTable
-        return f"{named(path)} is not a known entry; valid: one of {', '.join(model.model_fields)}"
+        known = model.model_fields
+        meant = hint(problem["loc"][-1], known)
+        return f"{named(path)} is not a known entry{meant}; valid: one of {', '.join(known)}"
     # Of `stations.pick_1` itself, the last known word is that of the tables; of an entry in a list, that of the list.
     valid = next((_VALID[part] for part in reversed(problem["loc"]) if part in _VALID), _FORM)
     if problem["type"] == "missing":
@@ -305,17 +310,12 @@ def _first_problem(error: ValidationError) -> str:
     return f"{named(path)} is {shown(problem['input'])}; valid: {valid}"
 
 
-def _place_name(grid: GridMap, cell: int) -> str:
-    row, col = grid.row_col(cell)
-    return f"row {row + 1}, column {col + 1}"
-
-
 def _check_two_way(plan: FloorPlan, grid: GridMap, allow_reverse: bool, where: str) -> None:
     """Two cars can meet in a two-way part: one must be able to back out and step aside."""
     cells = plan.cells("x")
     if cells and not allow_reverse:
         raise PlanError(
-            f"{where}: two-way cell 'x' at {_place_name(grid, cells[0])} without allow_reverse = true; "
+            f"{where}: two-way cell 'x' at {grid.words(cells[0])} without allow_reverse = true; "
             "valid: with it, or a one-way cell (one of . > < ^ v)"
         )
     open_cells = plan.open.ravel()
@@ -334,7 +334,7 @@ def _check_two_way(plan: FloorPlan, grid: GridMap, allow_reverse: bool, where: s
         ways = [sum(grid.neighbour(c, h) >= 0 and open_cells[grid.neighbour(c, h)] for h in range(4)) for c in part]
         if max(ways) < _PASSING_WAYS:
             raise PlanError(
-                f"{where}: the two-way part at {_place_name(grid, min(part))} has no passing place; valid: a "
+                f"{where}: the two-way part at {grid.words(min(part))} has no passing place; valid: a "
                 "cell with at least three open neighbours so that a car can step aside"
             )
 
@@ -346,7 +346,7 @@ def _check_bays(plan: FloorPlan, grid: GridMap, lanes: npt.NDArray[np.int32], wh
         for cell in plan.cells(character):
             if cell not in entered or cell not in left:
                 raise LaneError(
-                    f"{where}: {what} cell at {_place_name(grid, cell)} is a dead end or cut off from the largest "
+                    f"{where}: {what} cell at {grid.words(cell)} is a dead end or cut off from the largest "
                     "connected part of the lanes; valid: one cell to come from and another to go on to"
                 )
 
@@ -380,6 +380,6 @@ def _check_states(
         if cell not in reached:
             what = " and ".join(names.get(cell, ("parking or charger cell",)))
             raise LaneError(
-                f"{where}: {what} at {_place_name(grid, cell)} cannot be reached and left by a car that cannot "
+                f"{where}: {what} at {grid.words(cell)} cannot be reached and left by a car that cannot "
                 "turn round; valid: one-way lanes that lead to it and on"
             )

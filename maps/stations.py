@@ -132,21 +132,21 @@ def match_arms(plan: FloorPlan, grid: GridMap, *, where: str) -> dict[int, tuple
             name = f"{kind}_{number}"
             if len(beside) not in (1, 2) or (len(beside) == 2 and (beside[0] + 2) % 4 != beside[1]):
                 raise StationError(
-                    f"{where}: {name} at {_at(grid, dock)} has {len(beside)} arms beside it; "
+                    f"{where}: {name} at {grid.words(dock)} has {len(beside)} arms beside it; "
                     "valid: one 'A', or two on opposite sides"
                 )
             for heading in beside:
                 arm = grid.neighbour(dock, heading)
                 if arm in owner:
                     raise StationError(
-                        f"{where}: the arm at {_at(grid, arm)} stands beside {owner[arm]} and {name}; "
+                        f"{where}: the arm at {grid.words(arm)} stands beside {owner[arm]} and {name}; "
                         "valid: an arm of its own for each dock"
                     )
                 owner[arm] = name
             sides[dock] = beside
             number += len(beside)
     for arm in sorted(arms - set(owner)):
-        raise StationError(f"{where}: the arm at {_at(grid, arm)} has no dock beside it; valid: beside one 'P' or 'D'")
+        raise StationError(f"{where}: the arm at {grid.words(arm)} has no dock beside it; valid: beside one 'P' or 'D'")
     return sides
 
 
@@ -188,7 +188,7 @@ def place_stations(
         exits = [h for h in range(4) if (cell, grid.neighbour(cell, h)) in lane_set]
         if len(entries) != 1 or not exits:
             raise LaneError(
-                f"{where}: {own[0]} at {_at(grid, cell)} is a dead end or cut off from the largest connected part of "
+                f"{where}: {own[0]} at {grid.words(cell)} is a dead end or cut off from the largest connected part of "
                 "the lanes; valid: a lane that leads past its arm and on to other cells"
             )
         docks = []
@@ -202,7 +202,7 @@ def place_stations(
             raise StationError(
                 f"{where}: stations.{own[0]}.stop_offset_m is {docks[0].stop_offset_m:g} and stations.{own[-1]}"
                 f".stop_offset_m is {docks[-1].stop_offset_m:g}; valid: equal ones, as both serve the dock at "
-                f"{_at(grid, cell)}"
+                f"{grid.words(cell)}"
             )
     _check_floor(places, plan, grid, where)
     _check_spacing(places, where)
@@ -225,8 +225,8 @@ def _dock(
         )
     if offset > half - ENTRY_INSET_M - TURN_RADIUS_M + _TOLERANCE_M and not straight_exit:
         raise StationError(
-            f"{where}: stations.{name}.stop_offset_m is {offset:g}; valid: 0, because the dock at {_at(grid, cell)} is "
-            "left by a turn, which starts at the usual waiting pose"
+            f"{where}: stations.{name}.stop_offset_m is {offset:g}; valid: 0, because the dock at {grid.words(cell)} "
+            "is left by a turn, which starts at the usual waiting pose"
         )
     ((centre_x, centre_y),) = grid.cell_xy(cell).tolist()
     ahead_x, ahead_y = DCOL[heading], -DROW[heading]
@@ -301,7 +301,7 @@ def _check_floor(places: list[StationPlace], plan: FloorPlan, grid: GridMap, whe
                 if lanes[row, col]:
                     raise StationError(
                         f"{where}: {station.name}: {what} at ({centre[0]:.2f}, {centre[1]:.2f}) m stands on the lane "
-                        f"cell row {row + 1}, column {col + 1}; valid: on blocked cells (one of # = _ A)"
+                        f"cell {grid.words(grid.index(row, col))}; valid: on blocked cells (one of # = _ A)"
                     )
 
 
@@ -318,8 +318,3 @@ def _check_spacing(places: list[StationPlace], where: str) -> None:
                 f"{where}: the arms of {places[first].name} and {places[second].name} stand "
                 f"{distance:.2f} m apart; valid: at least {least} m"
             )
-
-
-def _at(grid: GridMap, cell: int) -> str:
-    row, col = grid.row_col(cell)
-    return f"row {row + 1}, column {col + 1}"

@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import is_dataclass
 from typing import Any, TypeVar, get_args, get_type_hints
 
+from maps.reading.near import hint
 from planners.errors import PlanningError
 from planners.settings import field_names, misfits
 
@@ -78,7 +79,7 @@ class Family(Mapping[str, type[T]]):
         elif isinstance(name, str) and all(name.rpartition(".")):
             kind = self._own(name, wrong)
         else:
-            raise MemberError(f"{wrong}; valid: {self.valid}")
+            raise MemberError(f"{wrong}{hint(name, self)}; valid: {self.valid}")
         if settings:
             others["config"] = self._config(name, kind, settings)
         try:
@@ -111,7 +112,7 @@ class Family(Mapping[str, type[T]]):
         unknown = next((setting for setting in settings if setting not in known), None)
         if config is None or unknown is not None:
             valid = ", ".join(known) or f"none, this {self.role} has no settings"
-            raise SettingError(f"setting {unknown!r} {whose} is unknown; valid: {valid}")
+            raise SettingError(f"setting {unknown!r} {whose} is unknown{hint(unknown, known)}; valid: {valid}")
         for setting, value, valid in misfits(config, settings):
             raise SettingError(f"setting {setting!r} {whose} is {value!r}; valid: {valid}")
         return config(**settings)

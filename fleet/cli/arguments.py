@@ -7,7 +7,6 @@ A command is a flat dataclass: a field is an option, or stands at its place amon
 from __future__ import annotations
 
 import dataclasses
-import difflib
 from collections import deque
 from collections.abc import Sequence
 from pathlib import Path
@@ -18,6 +17,7 @@ import tyro
 
 from fleet.config import require
 from fleet.errors import ConfigError
+from maps.reading.near import hint
 
 OPTIONS = (
     tyro.conf.FlagCreatePairsOff,
@@ -144,6 +144,4 @@ def _field(field: dataclasses.Field[Any], hint: Any) -> _Field:
 
 
 def _refuse_option(option: str, options: dict[str, _Field]) -> NoReturn:
-    near = difflib.get_close_matches(option, options, n=1)
-    hint = f" (did you mean {near[0]}?)" if near else ""
-    raise ConfigError(f"unknown option {option}{hint}; valid: {', '.join(options)}")
+    raise ConfigError(f"unknown option {option}{hint(option, options)}; valid: {', '.join(options)}")

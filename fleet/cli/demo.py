@@ -9,7 +9,7 @@ from typing import Annotated
 
 import tyro
 
-from fleet.cli.run_output import exit_status, plain_console, run_table, show_recording
+from fleet.cli.run_output import exit_status, plain_console, run_table, show_next, show_recording
 from fleet.config import (
     AllocationConfig,
     BatteryConfig,
@@ -104,6 +104,8 @@ class Demo:
     """Check after every tick that the run is safe and its books are right; end it at the first violation."""
     gui: bool = False
     """Show the physics engine's own window, with lanes, paths, names, and sliders for speed and pause."""
+    all: bool = False
+    """Print every figure of the run; the short table has what most people ask for."""
 
     def run(self) -> int:
         """Run and print the result; returns the exit status."""
@@ -151,9 +153,10 @@ class Demo:
         )
         result = run_session(config, session)
         console = plain_console()
-        console.print(run_table({"value": vars(result)}))
+        console.print(run_table({"value": vars(result)}, short=not self.all))
         if not self.no_record:
             show_recording(console, self.out / RECORDING, view=self.view)
+        show_next(console, self.out)
         return exit_status(console, result, self.duration)
 
     def _check(self) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -10,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import tyro
 from rich.table import Table
 
-from fleet.cli.run_output import plain_console
+from fleet.cli.run_output import plain_console, show_recording
 from fleet.config import require
 from fleet.errors import ConfigError
 
@@ -66,8 +65,7 @@ class Diff:
 
                 titles = tuple(f"{name}: {run.directory.name}" for name, run in (("A", a), ("B", b)))
                 write_side_by_side(recordings, self.out, titles=titles, size_m=a.trace.size_m)
-                viewer = Path(sys.executable).parent / "rerun"
-                console.print(f"recording: {self.out} (look at it with: {viewer} {self.out})", soft_wrap=True)
+                show_recording(console, self.out, view=False)
         return SAME if found.same else DIFFERENT
 
 

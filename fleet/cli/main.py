@@ -21,6 +21,7 @@ from fleet.safety.breach import InvariantError
 from fleet.terminal.compilation import compilation_told
 from fleet.terminal.interrupts import discard, interrupts_kept
 from maps.errors import MapsError
+from maps.reading.near import hint
 from planners.errors import PlanningError
 
 BROKEN_OFF, BAD_INPUT, INTERRUPTED = 1, 2, 130
@@ -208,7 +209,7 @@ def _choose(words: list[str], prog: str) -> tuple[Command, str, list[str]]:
         _list(name, table)
     if words[0] not in table:
         valid = ", ".join([*table, *(GROUPS if table is COMMANDS else [])])
-        _fail(name, f"unknown command {words[0]!r}; valid: {valid}")
+        _fail(name, f"unknown command {words[0]!r}{hint(words[0], valid.split(', '))}; valid: {valid}")
     # `python -m fleet.demo` already names its only command.
     return table[words[0]], name if name.endswith(f".{words[0]}") else f"{name} {words[0]}", words[1:]
 

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from shutil import which
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from rich.console import Console
 from rich.table import Table
@@ -18,39 +20,62 @@ if TYPE_CHECKING:  # takes a second to load
 ALL_DONE, TASKS_FAILED, INTERRUPTED = 0, 1, 130
 PLAIN_WIDTH = 120
 """Columns of a wide table that goes to a file or a pipe."""
+
+
+class RunFigure(NamedTuple):
+    """A figure of a run."""
+
+    name: str
+    form: str
+    """How it is told, with the field of `Result` in braces."""
+    told_if: Literal["always", "any", "asked"] = "always"
+    """When it is in the short table: always, if there is any of it, or only in the long one."""
+
+    @property
+    def field(self) -> str:
+        """The field of `Result`."""
+        return self.form.split("{")[1].split("}")[0].split(":")[0]
+
+    def told(self, result: Mapping[str, Any]) -> str:
+        """The figure in words."""
+        return "-" if result[self.field] is None else _SHARE.sub(r"\1 %", self.form.format(**result))
+
+
+_SHARE = re.compile(r"(\d)%")
+"""A share as Python writes it; a space goes before the sign, as before every other unit."""
 ROWS = (
-    ("tasks done", "{tasks_done} of {tasks_total}"),
-    ("tasks failed", "{tasks_failed}"),
-    ("visits done", "{visits_done}"),
-    ("batches done", "{batches_done} of {batches}"),
-    ("batch span, mean", "{batch_span_mean_s:.1f} s"),
-    ("throughput", "{throughput_per_h:.0f} per hour"),
-    ("task time, mean", "{task_time_mean_s:.1f} s"),
-    ("task time, 95th percentile", "{task_time_p95_s:.1f} s"),
-    ("in time, of those with a due date", "{on_time_share:.1%}"),
-    ("tardiness, mean", "{tardiness_mean_s:.1f} s"),
-    ("distance loaded", "{distance_loaded_m:.1f} m"),
-    ("distance empty", "{distance_empty_m:.1f} m"),
-    ("waiting in lanes, all cars", "{waiting_s:.1f} s"),
-    ("arm utilisation, mean", "{arm_utilisation:.1%}"),
-    ("parcels dropped", "{parcels_dropped}"),
-    ("slip in the grip, median", "{slip_median_m:.4f} m"),
-    ("slip in the grip, most", "{slip_max_m:.4f} m"),
-    ("parcels located by cameras", "{parcels_located}"),
-    ("looks without a result", "{looks_failed}"),
-    ("error of a located parcel, median", "{pose_error_median_mm:.2f} mm"),
-    ("error of a located parcel, most", "{pose_error_max_mm:.2f} mm"),
-    ("lowest charge", "{lowest_charge:.0%}"),
-    ("charging sessions, all cars", "{charging_sessions}"),
-    ("bottleneck", "{bottleneck}"),
-    ("contacts between robots", "{robot_contacts}"),
-    ("contacts with walls and shelves", "{static_contacts}"),
-    ("smallest clearance between robots", "{min_clearance_m:.2f} m"),
-    ("parcel balance", "{parcel_balance}"),
-    ("parcels not where booked", "{parcels_misplaced}"),
-    ("simulated time", "{sim_s:.1f} s"),
-    ("wall time", "{wall_s:.1f} s"),
-    ("real-time factor", "{real_time_factor:.1f}"),
+    RunFigure("tasks done", "{tasks_done} of {tasks_total}"),
+    RunFigure("tasks failed", "{tasks_failed}", told_if="any"),
+    RunFigure("visits done", "{visits_done}", told_if="any"),
+    RunFigure("batches done", "{batches_done} of {batches}", told_if="any"),
+    RunFigure("batch span, mean", "{batch_span_mean_s:.1f} s", told_if="asked"),
+    RunFigure("throughput", "{throughput_per_h:.0f} per hour"),
+    RunFigure("task time, mean", "{task_time_mean_s:.1f} s"),
+    RunFigure("task time, 95th percentile", "{task_time_p95_s:.1f} s"),
+    RunFigure("in time, of those with a due date", "{on_time_share:.1%}", told_if="any"),
+    RunFigure("tardiness, mean", "{tardiness_mean_s:.1f} s", told_if="any"),
+    RunFigure("distance loaded", "{distance_loaded_m:.1f} m", told_if="asked"),
+    RunFigure("distance empty", "{distance_empty_m:.1f} m", told_if="asked"),
+    RunFigure("waiting in lanes, all cars", "{waiting_s:.1f} s", told_if="asked"),
+    RunFigure("arm utilisation, mean", "{arm_utilisation:.1%}", told_if="asked"),
+    RunFigure("parcels dropped", "{parcels_dropped}", told_if="any"),
+    RunFigure("slip in the grip, median", "{slip_median_m:.4f} m", told_if="asked"),
+    RunFigure("slip in the grip, most", "{slip_max_m:.4f} m", told_if="asked"),
+    RunFigure("parcels located by cameras", "{parcels_located}", told_if="any"),
+    RunFigure("looks without a result", "{looks_failed}", told_if="asked"),
+    RunFigure("error of a located parcel, median", "{pose_error_median_mm:.2f} mm", told_if="asked"),
+    RunFigure("error of a located parcel, most", "{pose_error_max_mm:.2f} mm", told_if="asked"),
+    RunFigure("lowest charge", "{lowest_charge:.0%}", told_if="any"),
+    RunFigure("charging sessions, all cars", "{charging_sessions}", told_if="asked"),
+    RunFigure("bottleneck", "{bottleneck}"),
+    RunFigure("contacts between robots", "{robot_contacts}"),
+    RunFigure("contacts with walls and shelves", "{static_contacts}"),
+    RunFigure("smallest clearance between robots", "{min_clearance_m:.2f} m"),
+    RunFigure("parcel balance", "{parcel_balance}", told_if="any"),
+    RunFigure("parcels not where booked", "{parcels_misplaced}", told_if="any"),
+    RunFigure("simulated time", "{sim_s:.1f} s"),
+    RunFigure("wall time", "{wall_s:.1f} s"),
+    RunFigure("real-time factor", "{real_time_factor:.1f}"),
 )
 """Figures of a run, and how they are told."""
 
@@ -65,12 +90,13 @@ def plain_console(*, wide: bool = False) -> Console:
     return Console(file=sys.stdout, markup=False, emoji=False, highlight=False, width=width)
 
 
-def run_table(results: Mapping[str, Mapping[str, Any]], *, change: bool = False) -> Table:
+def run_table(results: Mapping[str, Mapping[str, Any]], *, change: bool = False, short: bool = False) -> Table:
     """The figures of runs on the same site, side by side.
 
     Args:
         results: `Result` of each run as a dictionary, by the heading of its column; the first one names the table.
         change: Add a column that tells how much more the last one has than the first.
+        short: Leave out what is of interest to few.
     """
     first = next(iter(results.values()))
     cars = f"{first['robots']} car{'s' if first['robots'] != 1 else ''}"
@@ -81,27 +107,63 @@ def run_table(results: Mapping[str, Mapping[str, Any]], *, change: bool = False)
         table.add_column(name, justify="right")
     if change:
         table.add_column("change", justify="right")
-    for name, form in ROWS:
-        field = form.split("{")[1].split("}")[0].split(":")[0]
-        if any(_tells(result, field) for result in results.values()):
-            values = ("-" if result[field] is None else form.format(**result) for result in results.values())
-            table.add_row(name, *values, *_change([result[field] for result in results.values()], form, change))
-    for key, heading in (("time_share_percent", "time of the cars, {}"), ("idle_percent", "  idle: {}")):
+    for figure in ROWS:
+        values = [result[figure.field] for result in results.values()]
+        if short and (figure.told_if == "asked" or (figure.told_if == "any" and not any(values))):
+            continue
+        if any(_tells(result, figure.field) for result in results.values()):
+            told = (figure.told(result) for result in results.values())
+            table.add_row(figure.name, *told, *_change(values, figure.form, change))
+    shares = (("time_share_percent", "time of the cars, {}"), ("idle_percent", "  idle: {}"))
+    for key, heading in shares[:1] if short else shares:
         _add_shares(table, heading, [result[key] for result in results.values()], change)
     return table
 
 
 def show_recording(console: Console, recording: Path, *, view: bool) -> None:
     """Open the viewer on a recording if that is wanted and possible, else say how to look at it."""
-    viewer = Path(sys.executable).parent / "rerun"
+    from fleet.recording.rerun_cli import rerun_program
+
     if view and (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY") or sys.platform in ("darwin", "win32")):
         subprocess.Popen(
-            [viewer, "--bind", "127.0.0.1", recording], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+            [rerun_program(), "--bind", "127.0.0.1", recording], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
         )
         console.print(f"viewer opened on {recording}", soft_wrap=True)
-        return
-    why = "no display to open the viewer on; " if view else ""
-    console.print(f"{why}recording: {recording} (look at it with: {viewer} {recording})", soft_wrap=True)
+    elif view:
+        shot = f"{own_words()} shot {recording} picture.png"
+        console.print(
+            f"no display to open the viewer on; recording: {recording} (a picture of it: {shot})", soft_wrap=True
+        )
+    else:
+        console.print(f"recording: {recording} (look at it with: {own_words()} view {recording})", soft_wrap=True)
+
+
+def show_next(console: Console, folder: Path) -> None:
+    """Say what else there is to see of a run: its longest wait, and all of it on a page.
+
+    Args:
+        console: To say it on.
+        folder: Directory of the run.
+    """
+    from fleet.insight.cause_file import read_causes
+    from fleet.recording.run_file import EVENTS, read_run
+    from fleet.report.waits import longest_wait
+
+    log, codebook = read_causes(read_run(folder).events, str(folder / EVENTS))
+    wait = longest_wait(log, codebook)
+    if wait is not None:
+        why = f"{own_words()} why {wait.robot} {folder} --at {wait.at_s:.2f}"
+        console.print(f"longest wait: {wait.robot}, {wait.lasts_s:.1f} s (ask why with: {why})", soft_wrap=True)
+    console.print(f"all of it on a page: {own_words()} report {folder}", soft_wrap=True)
+
+
+def own_words() -> str:
+    """How this program is called from where the user is."""
+    if which("fleet"):
+        return "fleet"
+    program = Path(sys.executable)
+    near = program.relative_to(Path.cwd()) if program.is_relative_to(Path.cwd()) else program
+    return f"{near} -m fleet"
 
 
 def exit_status(console: Console, result: Result, duration_s: float) -> int:

@@ -161,8 +161,7 @@ class SiteConvert:
 def _text(value: object) -> str:
     """A figure of the report; lists one below the other."""
     if isinstance(value, tuple):
-        # As in messages on site files, rows and columns count from 1.
-        items = [item if isinstance(item, str) else f"row {item[0] + 1}, column {item[1] + 1}" for item in value]
+        items = [item if isinstance(item, str) else f"row {item[0]}, column {item[1]}" for item in value]
         return "\n".join(items) or "none"
     return f"{value:.2f}" if isinstance(value, float) else str(value)
 

@@ -8,6 +8,9 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 
 from fleet.config.settings import Settings, not_negative, require
+from fleet.errors import ConfigError
+from maps.reading.near import hint
+from maps.reading.shown import shown
 
 CAR, ARM, CELL, STATION, FLEET, ZONE = "car", "arm", "cell", "station", "fleet", "zone"
 TARGETS = {
@@ -107,7 +110,9 @@ class ScenarioEvent(Settings):
     def __post_init__(self) -> None:
         super().__post_init__()
         not_negative("time_s", self.time_s)
-        require(self.kind in EVENT_KINDS, "kind", self.kind, ", ".join(EVENT_KINDS))
+        if self.kind not in EVENT_KINDS:
+            meant = hint(self.kind, EVENT_KINDS)
+            raise ConfigError(f"kind is {shown(self.kind)}{meant}; valid: {', '.join(EVENT_KINDS)}")
         ranges = parameters_of(self.kind)
         for name, value in self.parameters.items():
             require(name in ranges, f"parameter of {self.kind}", name, ", ".join(ranges) or "none")

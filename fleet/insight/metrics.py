@@ -23,6 +23,8 @@ from fleet.run.view import RunView
 from fleet.tasks.batches import Batches
 from fleet.tasks.board import DONE_STATES, UNDER_WAY, TaskState
 
+BUSY = 0.5
+"""A station that works a smaller share of the time keeps nobody up for long."""
 _WAITING = (TaskState.BACKLOG, TaskState.READY, *UNDER_WAY)
 
 
@@ -244,10 +246,10 @@ class Metrics:
         if worst is None:
             return "no car waited for a busy station"
         time, ticks = self.time_accounts.station_time(worst), max(run.now, 1)
-        return (
-            f"{run.stations[worst].name} (arm_{worst}): busy {time.busy / ticks:.0%} of the time, "
-            f"cars waiting for it {time.contended / ticks:.0%}"
-        )
+        name = f"{run.stations[worst].name} (arm_{worst})"
+        if time.busy < BUSY * ticks:
+            return f"no station: the busiest one, {name}, works {time.busy / ticks:.0%} of the time"
+        return f"{name}: busy {time.busy / ticks:.0%} of the time, cars waiting for it {time.contended / ticks:.0%}"
 
 
 def _seen(perception: PoseSource) -> dict[str, Any]:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 
 from fleet.arrays import BoolArray, FloatArray, IntArray
-from fleet.insight.cause_log import ROBOT, TICK
+from fleet.insight.cause_log import ROBOT, TICK, CauseLog
 from fleet.insight.causes import NONE, OWN, Cause, CauseRows, Column
+from fleet.insight.codebook import Codebook
 from fleet.insight.explain import explain
 from fleet.recording.trace_file import Quantity
 from fleet.report.loaded_run import Run
@@ -30,10 +32,61 @@ _FIRST = 2
 """Column of a change of causes at which those of `Column` begin."""
 
 
+class RobotWait(NamedTuple):
+    """One wait of a robot."""
+
+    robot: str
+    from_s: float
+    """When it began, in simulated time [s]."""
+    to_s: float
+    """When it was over, or the run [s]."""
+    at_s: float
+    """The middle of its longest part, at which it is told [s]."""
+
+    @property
+    def lasts_s(self) -> float:
+        """How long it took [s]."""
+        return self.to_s - self.from_s
+
+
+def longest_wait(log: CauseLog, codebook: Codebook) -> RobotWait | None:
+    """The longest wait of a car, of equal ones the first; None if none waited for a second."""
+    waits = (wait for wait in _waits(log, codebook) if wait.robot.startswith("car"))
+    return max(waits, key=lambda wait: (wait.lasts_s, -wait.from_s), default=None)
+
+
 def waits_of(run: Run) -> Table:
     """Waits of a second or more, each with its explanation, in the order in which they began."""
     log, codebook = run.causes, run.codebook
     found = []
+    for wait in _waits(log, codebook):
+        told = explain(log, codebook, wait.robot, wait.at_s)
+        link = told.chain[0]
+        row, col = link.cell if link.cell is not None else (None, None)
+        found.append(
+            (
+                wait.robot,
+                round(wait.from_s, 6),
+                round(wait.to_s, 6),
+                round(wait.lasts_s, 6),
+                link.cause.name.lower(),
+                link.by,
+                told.root.robot if not told.cycle else "a circle",
+                link.place,
+                row,
+                col,
+                round(wait.at_s, 3),
+                str(told),
+                told.release,
+            )
+        )
+    found.sort(key=lambda wait: (wait[1], wait[0]))
+    heads = ("robot", "from_s", "to_s", "seconds", "cause", "by", "root", "place", "row", "col", "at_s", "explanation")
+    return table("waits", (*heads, "release"), found)
+
+
+def _waits(log: CauseLog, codebook: Codebook) -> Iterator[RobotWait]:
+    """All waits of a second or more, robot by robot."""
     for number, robot in enumerate(codebook.robots):
         changes = log.of(number)
         ends = np.append(changes[1:, TICK], log.end_tick)
@@ -45,29 +98,7 @@ def waits_of(run: Run) -> Table:
             # Told as it was for the longest part of the wait, in the middle of that part.
             longest = first + int(np.argmax(ends[first:last] - changes[first:last, TICK]))
             at = (int(changes[longest, TICK]) + int(ends[longest]) - 1) // 2
-            told = explain(log, codebook, robot, (at + 0.5) * codebook.tick_s)
-            link = told.chain[0]
-            row, col = link.cell if link.cell is not None else (None, None)
-            found.append(
-                (
-                    robot,
-                    round(from_tick * codebook.tick_s, 6),
-                    round(to_tick * codebook.tick_s, 6),
-                    round((to_tick - from_tick) * codebook.tick_s, 6),
-                    link.cause.name.lower(),
-                    link.by,
-                    told.root.robot if not told.cycle else "a circle",
-                    link.place,
-                    row,
-                    col,
-                    round((at + 0.5) * codebook.tick_s, 3),
-                    str(told),
-                    told.release,
-                )
-            )
-    found.sort(key=lambda wait: (wait[1], wait[0]))
-    heads = ("robot", "from_s", "to_s", "seconds", "cause", "by", "root", "place", "row", "col", "at_s", "explanation")
-    return table("waits", (*heads, "release"), found)
+            yield RobotWait(robot, from_tick * codebook.tick_s, to_tick * codebook.tick_s, (at + 0.5) * codebook.tick_s)
 
 
 def standing_of(run: Run) -> dict[str, FloatArray]:

@@ -107,6 +107,7 @@ def test_every_option_of_the_demo_takes_another_value() -> None:
         "--internals",
         "--gui",
         "--check",
+        "--all",
         "--orders",
         "o.csv",
         "--events",

@@ -232,10 +232,10 @@ def test_events_that_befall_nobody(
         ("nonsense", ["is no TOML"]),
         ("name = 'a'", ["plan is missing"]),
         ("plan = '''\n###\n#z#\n###\n'''", ["'z'"]),
-        ("plan = '''\n####\n#.#\n####\n'''", ["row 2"]),
+        ("plan = '''\n####\n#.#\n####\n'''", ["row 1"]),
         (f"speed = 1\nplan = '''\n{CELL_PLAN}\n'''", ["speed is not a known entry"]),
         (f"plan = '''\n{CELL_PLAN.replace('AP', '#P')}\n'''", ["arm"]),
-        (f"plan = '''\n{CELL_PLAN.replace('.........', '#########')}\n'''", ["pick_1 at row 4, column 2"]),
+        (f"plan = '''\n{CELL_PLAN.replace('.........', '#########')}\n'''", ["pick_1 at row 3, column 1"]),
         (f"plan = '''\n{CELL_PLAN}\n'''\n[stations.pick_1]\narm_xy = [5.0, 5.0]\n", ["pick_1", "0.35"]),
         (f"plan = '''\n{CELL_PLAN}\n'''\n[stations.pick_1]\nslots = [[0.5, 3.5, 0.25]]\n", ["pick_1", "slot"]),
         (

@@ -94,7 +94,7 @@ def test_a_slot_out_of_reach_is_refused_with_what_is_in_the_way_and_served_witho
     site = written(tmp_path / "own.toml", WALL_BEHIND_THE_ARM, LOW_SLOTS)
     words = refused(["site", "check", site, "--no-draw", "--grip", "friction"], capsys)
     assert words.startswith("station drop_1, grip friction, slot 2: the arm cannot reach it")
-    assert words.endswith("valid: '_' for the wall at row 6, column 4")
+    assert words.endswith("valid: '_' for the wall at row 5, column 3")
     assert refused(demo(site, tmp_path), capsys) == words
     mended = written(tmp_path / "mended.toml", WALL_BEHIND_THE_ARM.replace("#=##", "#=#_"), LOW_SLOTS)
     assert reach_refusals(load_site(mended), (Grip.FRICTION,), lambda station: None) == {Grip.FRICTION: ()}

@@ -189,7 +189,7 @@ TRAFFIC = (
         site=DEAD_END_PARKING,
         robots=1,
         orders=deliveries(1),
-        refused=r"LaneError: .*parking cell at row 7, column 7 is a dead end",
+        refused=r"LaneError: .*parking cell at row 6, column 6 is a dead end",
         longest_s=10,
     ),
     Scenario(

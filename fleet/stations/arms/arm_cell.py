@@ -179,9 +179,7 @@ def _lane_cells_around(grid: GridMap, base: FloatArray) -> list[int]:
 
 
 def _at(grid: GridMap, x: float, y: float) -> str:
-    """A cell in words; as in messages on site files, rows and columns count from 1."""
-    row, col = grid.cell_at(x, y)
-    return f"row {row + 1}, column {col + 1}"
+    return grid.words(grid.index(*grid.cell_at(x, y)))
 
 
 def _fence(base: FloatArray) -> list[_Box]:

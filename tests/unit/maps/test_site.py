@@ -92,8 +92,8 @@ def test_unknown_site_lists_the_names():
         ("plan = '.'\n[stations.pick_1]\nstop_offset_m = -0.1", "stations.pick_1.stop_offset_m is -0.1"),
         ("plan = '.'\n[stations.pick_1]\narm_xy = [nan, 1.0]", "arm_xy"),
         ("plan = ''", "plan is empty"),
-        ("plan = '''\nP.\nD\n'''", "row 2 has 1 characters; valid: 2"),
-        ("plan = '''\nP.\nDz\n'''", "row 2, column 2: unknown character 'z'; valid: one of"),
+        ("plan = '''\nP.\nD\n'''", "row 1 has 1 characters; valid: 2"),
+        ("plan = '''\nP.\nDz\n'''", "row 1, column 1: unknown character 'z'; valid: one of"),
         ("plan = '''\nP.\n..\n'''", "no drop dock"),
     ],
 )
@@ -118,24 +118,24 @@ def test_undecodable_file_is_refused(tmp_path):
 @pytest.mark.parametrize(
     ("plan", "error", "message"),
     [
-        (changed(1, 0, "#"), StationError, "pick_1 at row 2, column 2 has 0 arms beside it"),
+        (changed(1, 0, "#"), StationError, "pick_1 at row 1, column 1 has 0 arms beside it"),
         (
             changed(0, 1, "A"),
             StationError,
-            "pick_1 at row 2, column 2 has 2 arms beside it; valid: one 'A', or",
+            "pick_1 at row 1, column 1 has 2 arms beside it; valid: one 'A', or",
         ),
-        (changed(3, 0, "A"), StationError, "arm at row 4, column 1 has no dock beside it"),
+        (changed(3, 0, "A"), StationError, "arm at row 3, column 0 has no dock beside it"),
         (["_#....._", "AP....DA", "......._", "#......#"], StationError, "stands on the lane cell"),
-        (["_......_", "AP....DA", "_......_", "###..###", "###K####"], LaneError, "parking cell at row 5, column 4"),
-        (["_......_", "AP....DA", "_......_", "###.####", "###C.###"], LaneError, "charger cell at row 5, column 4"),
+        (["_......_", "AP....DA", "_......_", "###..###", "###K####"], LaneError, "parking cell at row 4, column 3"),
+        (["_......_", "AP....DA", "_......_", "###.####", "###C.###"], LaneError, "charger cell at row 4, column 3"),
         (
             ["_......_", "AP.....#", "_......_", "#######_", "#....#DA"],
             LaneError,
-            "drop_1 at row 5, column 7 is a dead end",
+            "drop_1 at row 4, column 6 is a dead end",
         ),
         (["_......_", "AP....DA", "_.....DA", "_......_"], StationError, "1.48 m apart; valid: at least 2.0 m"),
-        (["_....._", "AP...DA", "_......."], PlanError, "row 3 has 8 characters; valid: 7"),
-        (changed(1, 3, "x"), PlanError, "'x' at row 2, column 4 without allow_reverse = true"),
+        (["_....._", "AP...DA", "_......."], PlanError, "row 2 has 8 characters; valid: 7"),
+        (changed(1, 3, "x"), PlanError, "'x' at row 1, column 3 without allow_reverse = true"),
     ],
 )
 def test_plan_that_cannot_work_is_refused(plan, error, message):
@@ -167,7 +167,7 @@ def test_both_arms_of_a_dock_want_the_car_at_one_place():
         (StationOptions(arm_xy=(0.5, 2.5)), "cannot serve the tray of a docked car"),
         (StationOptions(slots=((-0.7, 0.0, 0.25),)), "cannot serve slot 1"),
         (StationOptions(slots=((0.0, -0.2, 0.25),)), "cannot serve slot 1"),
-        (StationOptions(slots=((0.5, 0.0, 0.25),)), "slot 1 at (1.40, 2.50) m stands on the lane cell row 2, column 2"),
+        (StationOptions(slots=((0.5, 0.0, 0.25),)), "slot 1 at (1.40, 2.50) m stands on the lane cell row 1, column 1"),
         (StationOptions(slots=()), "valid: at least one [x, y, z]"),
         (StationOptions(stop_offset_m=0.6), "valid: 0 to 0.35"),
     ],
@@ -216,4 +216,18 @@ def test_drawing_shows_every_lane_once():
     site = load_site("cell")
     drawing = draw_site(site)
     assert sum(drawing.count(arrow) for arrow in "<>^v") == len(site.lanes)
-    assert len(drawing.splitlines()) == 2 * site.grid.rows - 1
+    assert len(drawing.splitlines()) == 1 + 2 * site.grid.rows - 1
+
+
+def test_drawing_tells_rows_columns_and_stations() -> None:
+    """A friction of the first hour: cells that messages name could not be found in the drawing."""
+    site = load_site("small")
+    heading, *lines = draw_site(site).splitlines()
+    for station in site.stations:
+        row, col = site.grid.row_col(station.dock.cell)
+        line = lines[2 * row]
+        assert line.split()[0] == str(row)
+        assert station.name in line
+        place = len(str(site.grid.rows - 1)) + 2 + 2 * col
+        assert line[place] in "PD"
+        assert heading.index("10", 5) == len(str(site.grid.rows - 1)) + 2 + 20

@@ -1,6 +1,7 @@
 """What the demo says at its end."""
 
 import json
+import re
 import subprocess
 from pathlib import Path
 from types import SimpleNamespace
@@ -39,10 +40,9 @@ def opened(monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
 def test_without_a_display_the_way_to_look_at_the_file_is_told(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], opened: list[list[str]]
 ) -> None:
-    last = show(tmp_path, capsys, "--view").splitlines()[-2]
-    recording = str(tmp_path / "recording.rrd")
-    assert last.startswith("no display to open the viewer on; recording: ")
-    assert last.endswith(f"rerun {recording})")
+    said = show(tmp_path, capsys, "--view").splitlines()
+    (line,) = (line for line in said if line.startswith("no display to open the viewer on; recording: "))
+    assert line.endswith(f"shot {tmp_path / 'recording.rrd'} picture.png)")
     assert opened == []
 
 
@@ -70,12 +70,45 @@ def test_a_viewer_is_not_opened_unasked(
     assert opened == []
 
 
+def rows_of(said: str) -> dict[str, str]:
+    rows = [line.strip("│ ").split("│") for line in said.splitlines() if line.startswith("│")]
+    return {row[0].strip(): row[1].strip() for row in rows}
+
+
+def test_the_short_table_leaves_out_what_few_ask_for(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A friction of the first hour: rows of dashes about due dates that nobody had asked for."""
+    short, long = (rows_of(show(tmp_path, capsys, "--no-record", *words)) for words in ((), ("--all",)))
+    assert set(short) < set(long)
+    assert {"tasks done", "throughput", "bottleneck"} <= set(short)
+    assert not {"tardiness, mean", "slip in the grip, most", "parcels dropped", "distance empty"} & set(short)
+
+
+def test_shares_are_told_alike(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A friction of the first hour: 16.6% beside 32.2 %."""
+    said = show(tmp_path, capsys, "--no-record", "--all")
+    assert "%" in said
+    assert re.search(r"\d%", said) is None
+
+
+def test_what_to_type_next_is_told_and_can_be_typed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A friction of the first hour: that there are `why` and `report` stood in the README only."""
+    with pytest.raises(SystemExit):
+        main(["demo", "--fidelity", "grid", "--robots", "6", "--no-record", "--out", str(tmp_path)])
+    said = capsys.readouterr().out
+    why, page = (re.search(rf"{run_output.own_words()} ({word} .*?)\)?$", said, re.M) for word in ("why", "report"))
+    assert why is not None
+    assert page is not None
+    for words in (why[1], page[1]):
+        with pytest.raises(SystemExit) as stop:
+            main(words.split())
+        assert stop.value.code == 0
+    assert "waited" in capsys.readouterr().out
+
+
 def test_the_table_has_a_row_for_every_figure_and_a_dash_for_those_that_do_not_exist(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    said = show(tmp_path, capsys, "--no-record")
-    rows = dict(line.strip("│ ").split("│") for line in said.splitlines() if line.startswith("│"))
-    values = {name.strip(): value.strip() for name, value in rows.items()}
+    values = rows_of(show(tmp_path, capsys, "--no-record", "--all"))
     assert values["tasks done"] == "0 of 6"
     assert values["task time, mean"] == values["task time, 95th percentile"] == "-"
     assert values["simulated time"] == "2.0 s"

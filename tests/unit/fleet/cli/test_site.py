@@ -52,7 +52,7 @@ def test_check_prints_the_figures_of_a_site(name: str, capsys: pytest.CaptureFix
 
 
 def test_check_draws_the_lanes(capsys: pytest.CaptureFixture[str]) -> None:
-    drawing = said(["check", "cell"], capsys).splitlines()[:15]
+    drawing = said(["check", "cell"], capsys).splitlines()[:16]
     assert sum(line.count("#") for line in drawing) > 20
     assert any(sign in "".join(drawing) for sign in "<>^v")
 
@@ -64,7 +64,7 @@ def test_check_names_the_cells_that_are_cut_off(tmp_path: Path, capsys: pytest.C
     site = tmp_path / "cut.toml"
     site.write_text("plan = '''\n" + "\n".join([*plan, "############"]) + "\n'''", encoding="utf-8")
     output = said(["check", str(site), "--no-draw"], capsys)
-    assert "row 8, column 4" in output
+    assert "row 7, column 3" in output
     assert "1 floor cells are cut off" in output
 
 
