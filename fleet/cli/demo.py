@@ -157,6 +157,8 @@ class Demo:
         if not self.no_record:
             show_recording(console, self.out / RECORDING, view=self.view)
         show_next(console, self.out)
+        for line in result.events_not_happened:
+            console.print(f"did not happen: {line}", soft_wrap=True)
         return exit_status(console, result, self.duration)
 
     def _check(self) -> None:

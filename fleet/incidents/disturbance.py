@@ -45,6 +45,15 @@ class Disturbances:
         self._waiting: list[ScenarioEvent] = []
         self._until: dict[_Key, float] = {}
         self._begun: dict[_Key, tuple[int, ...]] = {}
+        self._idle: list[ScenarioEvent] = []
+        """Events that were to end another one, which had not begun, or was over."""
+
+    def not_happened(self) -> list[tuple[ScenarioEvent, str]]:
+        """Events that have not happened so far, each with why, by time."""
+        found = [(event, "it could not happen yet") for event in self._waiting]
+        found += [(event, f"there was no {EVENT_KINDS[event.kind].ends} to end") for event in self._idle]
+        found += [(event, "the run was over before") for event in self._timeline]
+        return sorted(found, key=lambda pair: pair[0].time_s)
 
     def tick(self) -> None:
         """Let what is due happen, and end what has lasted long enough."""
@@ -65,6 +74,8 @@ class Disturbances:
             begun = (kind.ends, event.target)
             if begun in self._begun:
                 self._end(begun)
+            else:
+                self._idle.append(event)
             return True
         targets = self._targets(event)
         if key not in self._begun and not self._faults[event.kind].begin(event, targets):

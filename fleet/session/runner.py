@@ -60,6 +60,8 @@ class Result(Summary):
     interrupted: bool
     orders_refused: tuple[str, ...]
     """One line for each order of the file that could not be accepted."""
+    events_not_happened: tuple[str, ...]
+    """One line for each event of the scenario that did not happen, and why; those that --chaos draws are left out."""
     versions: dict[str, str]
 
 
@@ -234,6 +236,11 @@ def _result(simulation: Simulation, course: _Course, run: str, *, interrupted: b
         fidelity=str(config.fidelity),
         interrupted=interrupted,
         orders_refused=tuple(map(str, simulation.refused)),
+        events_not_happened=tuple(
+            f"{event.kind} {event.target} at {event.time_s:g} s: {why}"
+            for event, why in simulation.disturbances.not_happened()
+            if any(event is own for own in config.events)
+        ),
         versions=versions(),
     )
 

@@ -298,7 +298,10 @@ def test_a_run_that_is_not_the_same_until_then_has_no_other_end(
         (["--at", "5", "--set", "traffic.planner_settings.nothing=1"], "nothing"),
         (["--at", "5", "--add-event", "car_dead car_1"], "valid: 'KIND TARGET TIME_S NAME=VALUE ...'"),
         (["--at", "5", "--add-event", "car_dead car_1 soon"], "time_s is 'soon'; valid: a number"),
-        (["--at", "5", "--add-event", "car_lost car_1 9"], "kind is 'car_lost' (did you mean car_out?); valid: car_dead, "),
+        (
+            ["--at", "5", "--add-event", "car_lost car_1 9"],
+            "kind is 'car_lost' (did you mean car_out?); valid: car_dead, ",
+        ),
         (["--at", "5", "--add-event", "car_dead car_9 9"], "target of car_dead is 'car_9'; valid: car_0 to car_3"),
         (["--at", "5", "--add-event", "car_dead car_1 4"], "time of --add-event is 4.0; valid: at least 5"),
         (["--at", "5", "--remove-event", "1"], "--remove-event is 1; valid: 2 (car_pushed car_1 at 15 s)"),

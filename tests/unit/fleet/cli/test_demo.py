@@ -137,6 +137,26 @@ def test_a_refused_order_is_told_at_the_start_and_in_the_result(
     assert '"kind":"order_refused"' in (tmp_path / "run.jsonl").read_text(encoding="utf-8")
 
 
+def test_an_event_that_does_not_happen_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A friction of the first hour: a grip that was to fail when the arm had done its last transfer, without a word."""
+    events = [
+        ("grip_lost", "arm_0", 1),
+        ("car_repaired", "car_1", 0.5),
+        ("car_slow", "car_0", 50),
+        ("car_slow", "car_1", 0),
+    ]
+    lines = (f"[[event]]\ntime_s = {at}\nkind = '{kind}'\ntarget = '{target}'\n" for kind, target, at in events)
+    (tmp_path / "events.toml").write_text("\n".join(lines), encoding="utf-8")
+    said = show(tmp_path, capsys, "--no-record", "--events", str(tmp_path / "events.toml"))
+    told = [line.removeprefix("did not happen: ") for line in said.splitlines() if line.startswith("did not happen")]
+    assert told == [
+        "car_repaired car_1 at 0.5 s: there was no car_dead to end",
+        "grip_lost arm_0 at 1 s: it could not happen yet",
+        "car_slow car_0 at 50 s: the run was over before",
+    ]
+    assert json.loads((tmp_path / "result.json").read_text(encoding="utf-8"))["events_not_happened"] == told
+
+
 def test_a_planner_and_an_allocator_of_one_s_own_run_with_their_settings(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
