@@ -24,6 +24,7 @@ from fleet.insight.figures import Figures
 from fleet.insight.metrics import Metrics, Summary
 from fleet.missions.phases import CarPhase
 from fleet.run.clock import Clock
+from fleet.run.ending import Ending
 from fleet.run.events import Event, Events
 from fleet.run.setup import RunSetup
 from fleet.tasks.batches import Batches
@@ -135,7 +136,16 @@ class Simulation:
     @property
     def finished(self) -> bool:
         """True when every task has ended, the time is up, or nothing has moved for too long."""
-        return self.board.finished or self.sim_s >= self.config.duration_s or self.stalled
+        return self.ending is not None
+
+    @property
+    def ending(self) -> Ending | None:
+        """Why the run is over; None while it is not."""
+        if self.board.finished:
+            return Ending.DONE
+        if self.sim_s >= self.config.duration_s:
+            return Ending.TIME_UP
+        return Ending.STALLED if self.stalled else None
 
     @property
     def stalled(self) -> bool:
@@ -179,12 +189,17 @@ class Simulation:
             if missions.phase[car] is not CarPhase.DEAD:
                 self.recovery.lose_car(car, f"the battery of car_{car} is empty", by=EMPTY)
 
-    def run(self, on_tick: Callable[[Simulation], None] | None = None) -> None:
-        """Tick until the run is finished; `on_tick` is called after every tick."""
+    def run(self, on_tick: Callable[[Simulation], None] | None = None) -> Ending:
+        """Tick until the run is finished; `on_tick` is called after every tick.
+
+        Returns:
+            Why it is over: of a run that came to a stand, nothing else would tell.
+        """
         while not self.finished:
             self.tick()
             if on_tick is not None:
                 on_tick(self)
+        return self.ending or Ending.TIME_UP
 
     # --- what is known of it
 
