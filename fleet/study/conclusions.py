@@ -7,6 +7,9 @@ import math
 from fleet.charts.statistics import Estimate
 from fleet.study.findings import Curve, Findings
 
+LEAST_SEEDS = 3
+"""With fewer an interval is too wide to tell anything, or narrow by chance."""
+
 
 def between(value: Estimate | None, *, scale: float = 1.0, sign: bool = False) -> str:
     """A mean and half its interval, such as ``612 ± 14``; a dash for nothing."""
@@ -21,7 +24,17 @@ def between(value: Estimate | None, *, scale: float = 1.0, sign: bool = False) -
 def sentences(findings: Findings) -> list[str]:
     """Knee, best size and bottleneck of each allocator, then what each one gains on the first."""
     said = [sentence for curve in findings.curves for sentence in _curve(curve)]
+    if len(findings.curves) > 1:
+        step_per_h = max(point.step_per_h for curve in findings.curves for point in curve.points)
+        said.append(f"One delivery more or less in a run is {step_per_h:.1f} an hour.")
     for curve in findings.curves[1:]:
+        n_seeds = min((point.gain_per_h.n for point in curve.points if point.gain_per_h is not None), default=0)
+        if n_seeds < LEAST_SEEDS:
+            said.append(
+                f"Whether {curve.allocator} delivers better than {findings.curves[0].allocator} cannot be told from "
+                f"{n_seeds} seed{'s' if n_seeds != 1 else ''}; take {LEAST_SEEDS} or more."
+            )
+            continue
         surer = [point for point in curve.points if point.gain_per_h is not None and point.gain_per_h.low > 0]
         worse = [point for point in curve.points if point.gain_per_h is not None and point.gain_per_h.high < 0]
         first = findings.curves[0].allocator

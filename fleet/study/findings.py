@@ -74,6 +74,8 @@ class Point:
     waiting_share: Estimate
     """Share of the cars' time in which they stood in traffic or queued for a station."""
     on_time_share: Estimate | None
+    step_per_h: float
+    """What one delivery more or less makes of the throughput."""
     gain_per_h: Estimate | None
     """Throughput less that of the reference allocator, on the same seeds; None for the reference itself."""
     bottleneck: Bottleneck
@@ -179,7 +181,10 @@ def _point(rows: list[Row], reference: dict[int, Row], has_due_dates: bool) -> P
     """`rows` are those of one variant, at least one; `reference` those of the reference of that size by seed."""
     is_reference = rows[0] == reference.get(rows[0].seed)
     both = [row for row in rows if row.seed in reference]
-    gain = paired([r.throughput_per_h for r in both], [reference[r.seed].throughput_per_h for r in both])
+    step_per_h = max(row.step_per_h for row in rows)
+    gain = paired(
+        [r.throughput_per_h for r in both], [reference[r.seed].throughput_per_h for r in both], step=step_per_h
+    )
     return Point(
         allocator=rows[0].allocator,
         robots=rows[0].robots,
@@ -187,6 +192,7 @@ def _point(rows: list[Row], reference: dict[int, Row], has_due_dates: bool) -> P
         lateness_s=_mean(rows, (lambda row: row.tardiness_s) if has_due_dates else (lambda row: row.task_time_s)),
         waiting_share=_known(rows, lambda row: row.traffic + row.plan_late + row.queue),
         on_time_share=_mean(rows, lambda row: row.on_time_share),
+        step_per_h=step_per_h,
         gain_per_h=None if is_reference else gain,
         bottleneck=bottleneck(rows),
         bound=least_bound(rows),

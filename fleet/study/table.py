@@ -64,6 +64,11 @@ class Row:
         return Variant(self.seed, self.robots, self.allocator)
 
     @property
+    def step_per_h(self) -> float:
+        """What one delivery more or less makes of the throughput; 0 where nothing was delivered."""
+        return self.throughput_per_h / self.done if self.done else 0.0
+
+    @property
     def bounds_per_h(self) -> dict[str, float]:
         """The bounds that are known, by what binds."""
         bounds = {
