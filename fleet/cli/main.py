@@ -121,7 +121,9 @@ COMMANDS = {
         "Open the viewer on the recording of a run; without a display, say how to look at it.",
         compiles=False,
     ),
-    "why": Command("why.Why", "Say why a robot waited at some time of a run, or why it had no task."),
+    "why": Command(
+        "why.Why", "Say why a robot waited at some time of a run, why it had no task, or what became of an order."
+    ),
 }
 SITE_COMMANDS = {
     "check": Command(

@@ -45,9 +45,13 @@ class Codebook:
         """
         number = self._numbers.get(name)
         if number is None:
-            ranges = ", ".join(_range(kind, n) for kind, n in (("car", self.n_cars), ("arm", self.n_arms)) if n)
-            raise UnknownRobot(f"robot is {name!r}; valid: {ranges}")
+            raise UnknownRobot(f"robot is {name!r}; valid: {self.ranges}")
         return number
+
+    @property
+    def ranges(self) -> str:
+        """The names of all robots, in words."""
+        return ", ".join(_range(kind, n) for kind, n in (("car", self.n_cars), ("arm", self.n_arms)) if n)
 
     @cached_property
     def _numbers(self) -> dict[str, int]:

@@ -18,6 +18,7 @@ from fleet.insight.time_accounts import Account
 from fleet.recording.errors import OutputError
 from fleet.recording.run_file import EVENTS, RESULT, RunRecord, read_run
 from fleet.recording.trace_file import TRACE, Trace, read_trace
+from fleet.tasks.board import TASK_STATES
 from maps.reading.shown import shown
 
 
@@ -67,7 +68,7 @@ def load_run(directory: Path, *, cut: bool = False) -> Run:
                        ("versions", record.versions)):  # fmt: skip
         if not isinstance(tree, dict):
             raise OutputError(f"{directory / EVENTS}, line 1: {name} is {shown(tree)}; valid: names with their values")
-    _check_events(record.events, directory / EVENTS)
+    check_events(record.events, directory / EVENTS)
     trace = read_trace(directory)
     if not trace.n_ticks:
         raise OutputError(f"{directory / TRACE} holds no tick: the run ended at once; valid: a run of a second or more")
@@ -92,8 +93,12 @@ def load_run(directory: Path, *, cut: bool = False) -> Run:
     return Run(directory=directory, record=record, trace=trace, causes=causes, codebook=codebook)
 
 
-def _check_events(events: Iterable[Mapping[str, Any]], path: Path) -> None:
-    """Refuse events without a time, and tasks that nobody can follow."""
+def check_events(events: Iterable[Mapping[str, Any]], path: Path) -> None:
+    """Refuse events without a time, and tasks that nobody can follow.
+
+    Raises:
+        OutputError: There is such an event; names the line.
+    """
     for number, event in enumerate(events, start=2):
         tick, sim_s = event.get("tick"), event.get("sim_s")
         known = type(tick) is int and tick >= 0 and isinstance(sim_s, int | float) and math.isfinite(sim_s)
@@ -101,6 +106,9 @@ def _check_events(events: Iterable[Mapping[str, Any]], path: Path) -> None:
             words = [event.get(name) for name in ("task", "state")]
             more = [event.get(name) for name in ("before", "car", "cause")]
             known = all(type(word) is str for word in words) and all(type(word) in (str, NoneType) for word in more)
+            known = known and event["state"] in TASK_STATES
+        elif known and event["kind"] == "task_waits":
+            known = all(type(event.get(name)) is str for name in ("task", "cause"))
         if not known:
             raise OutputError(f"{path}, line {number}: {shown(dict(event))}; valid: an event as it was written")
 

@@ -73,12 +73,34 @@ def test_a_run_that_was_cut_off_can_be_asked(folder: Path, tmp_path: Path, capsy
     assert said(["car_1", str(tmp_path), "--at", "5"], capsys) == said(["car_1", str(folder), "--at", "5"], capsys)
 
 
+def test_what_became_of_an_order_is_told_until_a_time(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A friction of the first hour: of tasks only a running simulation could be asked."""
+    events = [json.loads(line) for line in (folder / "run.jsonl").read_text(encoding="utf-8").splitlines()]
+    moves = [event for event in events if event["kind"] == "task" and event["task"] == "order_1"]
+    assert moves[-1]["state"] == "collected"
+    first, *lines = said(["order_1", str(folder)], capsys).splitlines()
+    assert first.startswith("at 60.00 s: order_1 is collected")
+    assert sum(": ".join(line.split(": ")[1:]) in {move["cause"] for move in moves} for line in lines) == len(moves)
+    carried = next(move for move in moves if move["state"] == "carried")
+    first, second, *lines = said(["order_1", str(folder), "--at", str(carried["sim_s"] + 0.5)], capsys).splitlines()
+    assert f"order_1 is carried by {carried['car']} since {carried['sim_s']:.2f} s" in first
+    assert second.startswith(carried["car"])
+    assert lines[-1].split("  ")[-1].startswith("carried by")
+    facts = json.loads(said(["order_1", str(folder), "--json", "--at", str(carried["sim_s"])], capsys))
+    assert (facts["state"], facts["car"], facts["steps"][-1]["state"]) == ("carried", carried["car"], "carried")
+    waiting = next(event for event in events if event["kind"] == "task_waits")
+    first = said([waiting["task"], str(folder), "--at", str(waiting["sim_s"])], capsys).splitlines()[0]
+    assert first.endswith(waiting["cause"])
+
+
 def test_what_does_not_exist_is_refused(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert "valid: car_0 to car_4, arm_0 to arm_3" in refused(["car_9", str(folder)], capsys)
+    valid = "valid: car_0 to car_4, arm_0 to arm_3, or an order such as order_1"
+    assert f"WHO is 'car_9'; {valid}" in refused(["car_9", str(folder)], capsys)
+    assert "WHO is 'ordr_7' (did you mean order_7?)" in refused(["ordr_7", str(folder)], capsys)
     assert "time is 61 s; valid: 0 to 60 s" in refused(["car_1", str(folder), "--at", "61"], capsys)
     assert "time is -1 s" in refused(["car_1", str(folder), "--at", "-1"], capsys)
     assert "--at is 'noon'; valid: a number" in refused(["car_1", str(folder), "--at", "noon"], capsys)
-    assert "FOLDER is missing; valid: ROBOT FOLDER" in refused(["car_1"], capsys)
+    assert "FOLDER is missing; valid: WHO FOLDER" in refused(["car_1"], capsys)
     assert "valid: the --out directory of a run" in refused(["car_1", str(tmp_path / "nothing")], capsys)
 
 
