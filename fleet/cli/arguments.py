@@ -118,6 +118,11 @@ def read_words(words: Sequence[str], command: type[Any]) -> Any:
 
 def explain(command: type[Any], prog: str) -> NoReturn:
     """Print what a command does and which options it has, and exit."""
+    hints = get_type_hints(command, include_extras=True)
+    quiet = tyro.conf.arg(help_behavior_hint="")
+    unsaid = [field.name for field in dataclasses.fields(command) if field.default is None]
+    # What the text of an option says of its default counts, not that Python keeps None for it.
+    command.__annotations__ = hints | {name: Annotated[hints[name], quiet] for name in unsaid}
     tyro.cli(command, args=["--help"], prog=prog, config=OPTIONS)
     raise SystemExit(0)
 

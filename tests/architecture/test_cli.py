@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 import tyro
 
-from fleet.cli.arguments import OPTIONS, read_words
+from fleet.cli.arguments import OPTIONS, explain, read_words
 from fleet.cli.demo import Demo
 from fleet.cli.main import COMMANDS, GROUPS, SITE_COMMANDS, main
 from fleet.config import EVENT_KINDS, Fidelity, Grip, Perception, RunConfig, StreamKind
@@ -61,6 +61,16 @@ def test_every_command_builds_from_its_defaults(name: str) -> None:
     for field in dataclasses.fields(command):
         if field.default is not dataclasses.MISSING:
             assert getattr(command, field.name) == field.default
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_the_help_tells_no_default_that_says_nothing(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """A friction of the first hour: `(default: None)` behind a text that told another default."""
+    with pytest.raises(SystemExit):
+        explain(ALL[name], name)
+    said = " ".join(capsys.readouterr().out.replace("│", " ").split())
+    assert "usage: " in said
+    assert "default: None" not in said
 
 
 @pytest.mark.parametrize("name", ALL)
