@@ -53,13 +53,13 @@ for _number, _causes in enumerate(CONGESTION.values()):
     _GROUP_OF[list(_causes)] = _number
 _HOLDS_UP = np.array([cause not in OWN for cause in Cause])
 """Whether a cause keeps a robot from what it is about."""
-_WORDS = ("idle", "driving", "waiting", "docked", "fault", "held", "charging", "standing")
-_DRIVES, _WAITS, _HELD = (_WORDS.index(word) for word in ("driving", "waiting", "held"))
+_WORDS = ("idle", "driving empty", "driving loaded", "waiting", "docked", "fault", "held", "charging", "standing")
+_EMPTY, _LOADED, _WAITS, _HELD = (_WORDS.index(word) for word in ("driving empty", "driving loaded", "waiting", "held"))
 _WORD_OF = {
-    CarPhase.TO_PICK: _DRIVES,
-    CarPhase.TO_DROP: _DRIVES,
-    CarPhase.TO_CHARGER: _DRIVES,
-    CarPhase.TO_PLACE: _DRIVES,
+    CarPhase.TO_PICK: _EMPTY,
+    CarPhase.TO_DROP: _LOADED,
+    CarPhase.TO_CHARGER: _EMPTY,
+    CarPhase.TO_PLACE: _EMPTY,
     CarPhase.LOADING: _WORDS.index("docked"),
     CarPhase.UNLOADING: _WORDS.index("docked"),
     CarPhase.HELD: _HELD,
@@ -230,7 +230,7 @@ class Watch:
     def _look_at_words(self, frame: Frame) -> None:
         """States of cars and arms; the tuples stay the same objects until a word changes."""
         codes = _WORD_OF_PHASE[self._run.missions.phase_index]
-        codes[(codes == _DRIVES) & (np.abs(frame.car_speeds) <= _SLOW_MPS)] = _WAITS
+        codes[((codes == _EMPTY) | (codes == _LOADED)) & (np.abs(frame.car_speeds) <= _SLOW_MPS)] = _WAITS
         if (codes != self._codes).any():
             self._codes = codes
             self._car_words = tuple(_WORDS[code] for code in codes.tolist())

@@ -21,6 +21,8 @@ from fleet.world.scene import Scene
 
 _FLAT = (CAMERA, f"{VIEWS}/**", f"{CONGESTION}/**")
 """What is not for views in three dimensions."""
+CLOSE_UPS = 6
+"""So many stations are shown close up, each in a tab: more tabs would leave no room for their names."""
 _LANES_PER_TAB = 25
 """State lanes of cars in one tab."""
 _LANE_PX = 40.0
@@ -60,11 +62,11 @@ def layout(
         margin=0.0,
     )
     close: list[rrb.View | rrb.Grid] = []
-    if len(scene.arm_base):
-        name = floor.station_names[0] if floor.station_names else "arm_0"
-        close.append(_eye_view(f"Close-up {name}", *_closeup(scene.arm_base[0]), hidden=(LABELS, *_FLAT)))
-        if cameras:
-            close += _camera_views(scene, cameras)
+    for arm, base in enumerate(scene.arm_base[:CLOSE_UPS]):
+        name = floor.station_names[arm] if floor.station_names else f"arm_{arm}"
+        close.append(_eye_view(name, *_closeup(base), hidden=(LABELS, *_FLAT)))
+    if cameras and close:
+        close += _camera_views(scene, cameras)
     why = rrb.TextDocumentView(origin=f"/{WAITS}", name="Why robots wait")
     graph = rrb.GraphView(origin=f"/{WAITS}", name="Waits")
     text: list[rrb.View] = [

@@ -13,7 +13,8 @@ _GOLDEN = 0.6180339887498949
 
 _CAR_STATES = {
     "idle": 0x6B7280FF,
-    "driving": 0x3B82F6FF,
+    "driving empty": 0x3B82F6FF,
+    "driving loaded": 0x22C3E6FF,
     "waiting": 0xF59E0BFF,
     "docked": 0x8B5CF6FF,
     "fault": 0xEF4444FF,
