@@ -25,20 +25,20 @@ _MOST_OPEN = 8
 _MOST_EVENTS, _MOST_WAITS, _N_TOP = 60, 25, 10
 """Most rows of the lists; all of them are in the CSV files."""
 
-ACCOUNTS = {
-    "driving_loaded": ("driving loaded", "var(--b1)"),
-    "driving_empty": ("driving empty", "var(--b2)"),
-    "served": ("arm service", "var(--b3)"),
-    "charging": ("charging", "var(--b5)"),
-    "visiting": ("on a visit", "var(--b9)"),
-    "traffic": ("blocked by traffic", "var(--b4)"),
-    "queue": ("station queue", "var(--b6)"),
-    "plan_late": ("plan late", "var(--b7)"),
-    "fault": ("fault", "var(--b8)"),
-    "awaiting": ("waits for a car", "var(--b2)"),
-    "idle": ("no task", "var(--b0)"),
+COLOUR_OF_ACCOUNT = {
+    "driving_loaded": "var(--b1)",
+    "driving_empty": "var(--b2)",
+    "served": "var(--b3)",
+    "charging": "var(--b5)",
+    "visiting": "var(--b9)",
+    "traffic": "var(--b4)",
+    "queue": "var(--b6)",
+    "plan_late": "var(--b7)",
+    "fault": "var(--b8)",
+    "awaiting": "var(--b2)",
+    "idle": "var(--b0)",
 }
-"""Time accounts in the order of the bars: what they are called, and their colour."""
+"""Colours of the time accounts, in the order of the bars; they are called here as in the table and in `result.json`."""
 WAITING = ("traffic", "queue", "plan_late")
 """Those of them in which a robot waits."""
 
@@ -127,12 +127,16 @@ def _idle(percent: Mapping[str, float] | None) -> str:
     return f"<p>Cars were idle because: {escape(why)} of their time.</p>"
 
 
+def _named(account: str) -> str:
+    return account.replace("_", " ")
+
+
 def _time_accounts(run: Run, tables: Mapping[str, Table]) -> str:
     robots = tables["robots"]
     if not len(robots):
         return ""
     accounts = [name for name in robots.columns if name != "robot"]
-    accounts.sort(key=lambda name: list(ACCOUNTS).index(name[:-2]))
+    accounts.sort(key=lambda name: list(COLOUR_OF_ACCOUNT).index(name[:-2]))
     parts = []
     for title, rows in (("Cars", slice(run.codebook.n_cars)), ("Arms", slice(run.codebook.n_cars, None))):
         names = robots["robot"][rows].tolist()
@@ -142,10 +146,10 @@ def _time_accounts(run: Run, tables: Mapping[str, Table]) -> str:
         seconds = np.array([robots[name][rows] for name in accounts])
         seconds = np.column_stack([seconds.sum(axis=1), seconds])
         shares = seconds / np.maximum(seconds.sum(axis=0), 1e-9)
-        bars = {ACCOUNTS[name[:-2]][0]: shares[accounts.index(name)] for name in used}
-        colors = {ACCOUNTS[name[:-2]][0]: ACCOUNTS[name[:-2]][1] for name in used}
+        bars = {_named(name[:-2]): shares[accounts.index(name)] for name in used}
+        colors = {_named(name[:-2]): COLOUR_OF_ACCOUNT[name[:-2]] for name in used}
         plot = stacked_bars(["all", *names], bars, colors)
-        heads = ["robot", *(f"{ACCOUNTS[name[:-2]][0]} [%]" for name in used), "sum [%]", "time [s]"]
+        heads = ["robot", *(f"{_named(name[:-2])} [%]" for name in used), "sum [%]", "time [s]"]
         lines = [
             _account_row(name, dict(zip(accounts, column, strict=True)), used)
             for name, column in zip(["all", *names], seconds.T.tolist(), strict=True)
@@ -255,7 +259,7 @@ def _blame(run: Run, tables: Mapping[str, Table]) -> str:
         lines = ""
         for name in top:
             bars = "".join(
-                f'<i style="width:{100 * by / sums[top[0]]:.1f}%;background:{ACCOUNTS[account][1]}"></i>'
+                f'<i style="width:{100 * by / sums[top[0]]:.1f}%;background:{COLOUR_OF_ACCOUNT[account]}"></i>'
                 for account in WAITING
                 if (by := seconds[kind, name].get(account, 0.0))
             )
@@ -268,7 +272,7 @@ def _blame(run: Run, tables: Mapping[str, Table]) -> str:
 <p class="quiet">Time that robots waited, put down to the cell they could not enter, to the robot at the end of the
 chain of who waits for whom, and to the station or other place that it was about: the same time, seen three times,
 each without what is put down to none.</p>
-{_legend(dict(ACCOUNTS[account] for account in WAITING))}
+{_legend({_named(account): COLOUR_OF_ACCOUNT[account] for account in WAITING})}
 <div class="three">{"".join(parts)}</div>"""
 
 

@@ -17,7 +17,7 @@ from fleet.insight.time_accounts import Account
 from fleet.insight.time_table import NoPandas
 from fleet.recording.trace_file import CHANGE, Quantity
 from fleet.report.loaded_run import Run, load_run
-from fleet.report.page import ACCOUNTS
+from fleet.report.page import COLOUR_OF_ACCOUNT
 from fleet.report.plots import columns
 from fleet.report.table import Table, table
 from fleet.report.tables import tables_of
@@ -86,7 +86,7 @@ def test_each_robot_s_accounts_add_up_to_the_run(tables: dict[str, Table]) -> No
 
 
 def test_every_time_account_has_a_name_and_a_colour() -> None:
-    assert set(ACCOUNTS) == {account.name.lower() for account in Account}
+    assert set(COLOUR_OF_ACCOUNT) == {account.name.lower() for account in Account}
 
 
 def test_cars_are_somewhere_all_the_time(tables: dict[str, Table]) -> None:
