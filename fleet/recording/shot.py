@@ -1,14 +1,12 @@
-"""Shot: a picture of a recording without a display: ``python -m fleet.recording.shot RRD PNG --time 6``."""
+"""Shot: a picture of a recording without a display."""
 
 from __future__ import annotations
 
-import argparse
 import os
 import socket
 import subprocess
-import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -165,32 +163,3 @@ def parse_size(text: str) -> tuple[int, int] | None:
     if not (width.isdigit() and height.isdigit() and int(width) and int(height)):
         return None
     return int(width), int(height)
-
-
-def _size(text: str) -> tuple[int, int]:
-    size = parse_size(text)
-    if size is None:
-        raise argparse.ArgumentTypeError(f"{text!r}; valid: WIDTHxHEIGHT, for example 1600x900")
-    return size
-
-
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Entry point; exit status 1 if the viewer complained, 2 if there is no picture."""
-    parser = argparse.ArgumentParser(prog="python -m fleet.recording.shot", description=__doc__)
-    parser.add_argument("rrd", type=Path, help="recording")
-    parser.add_argument("png", type=Path, help="picture to write")
-    parser.add_argument("--time", type=float, help="simulated time in seconds")
-    parser.add_argument("--size", type=_size, default=(1600, 900), help="WIDTHxHEIGHT in pixels")
-    parser.add_argument("--view", help="name of one view; default: the whole window")
-    options = parser.parse_args(arguments)
-    try:
-        complaints = screenshot(options.rrd, options.png, time_s=options.time, size=options.size, view=options.view)
-    except (RecordingError, OSError) as error:
-        sys.stderr.write(f"{error}\n")
-        return 2
-    sys.stderr.writelines(f"{complaint}\n" for complaint in complaints)
-    return 1 if complaints else 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -94,7 +94,7 @@ class DistanceTable:
         # The system hands out memory when it is first written to, so rows that are never filled cost nothing.
         self._rows: Distances = np.empty((min(graph.n_states, memory_cap // row_bytes), graph.n_states), np.uint16)
         kept = memory_cap if memory_kept is None else memory_kept
-        self._kept_n = min(len(self._rows), kept // row_bytes)
+        self._n_kept = min(len(self._rows), kept // row_bytes)
         self._free = np.arange(len(self._rows) - 1, -1, -1, dtype=np.int32)  # a stack, its top at the end
         self._row_of = np.full(graph.n_states, -1, dtype=np.int32)
         self._goal_of = np.full(len(self._rows), -1, dtype=np.int32)
@@ -115,7 +115,7 @@ class DistanceTable:
     @property
     def keeps_all(self) -> bool:
         """Whether no goal ever has to make room for another."""
-        return self._kept_n == self.graph.n_states
+        return self._n_kept == self.graph.n_states
 
     def after(self, state: int) -> IntArray:
         """States that a move leads to from a state, open or not."""
@@ -207,7 +207,7 @@ class DistanceTable:
 
     def _search(self, goals: IntArray) -> None:
         """Fill a row for each of these goals, which are distinct and have none yet."""
-        if self.n_goals + len(goals) > self._kept_n:
+        if self.n_goals + len(goals) > self._n_kept:
             self._make_room(len(goals))
         rows = self._free[len(self._free) - len(goals) :].copy()
         parts = 1
@@ -267,7 +267,7 @@ class DistanceTable:
                 f"distance table: {needed} distinct goals need {needed * row_bytes} bytes at once; valid: at most "
                 f"{len(self._rows)} goals in a memory_cap of {len(self._rows) * row_bytes} bytes"
             )
-        many = min(len(old), max(self.n_goals + n - self._kept_n, self._kept_n // _EVICTED_AT_ONCE))
+        many = min(len(old), max(self.n_goals + n - self._n_kept, self._n_kept // _EVICTED_AT_ONCE))
         gone = old[np.argsort(self._asked[old], kind="stable")[:many]].astype(np.int32)
         self._row_of[self._goal_of[gone]] = -1
         self._goal_of[gone] = -1

@@ -9,7 +9,7 @@ import pytest
 
 from tests.architecture.source_tree import SourceTree, source_tree, unreached, users
 
-ENTRIES = ("fleet.__main__", "fleet.demo", "fleet.evaluate", "fleet.train", "fleet.recording.shot", "fleet.envs")
+ENTRIES = ("fleet.__main__", "fleet.demo", "fleet.evaluate", "fleet.train", "fleet.envs")
 VERSION = re.compile(r"_v\d+$")
 VERSIONS = ("env", "parallel_env", "raw_env")
 """What modules of environments with a version offer."""

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from fleet.recording import Header, RecordingError, RerunRecorder
-from fleet.recording.shot import TooSlow, _patiently, main, screenshot
+from fleet.recording.shot import TooSlow, _patiently, parse_size, screenshot
 from tests.unit.fleet.recording.conftest import made_up_frames, made_up_scene
 
 SOFTWARE_DRIVER = any(Path("/usr/share/vulkan/icd.d").glob("lvp_icd*.json"))
@@ -18,21 +18,19 @@ def test_a_missing_recording_is_named(tmp_path: Path) -> None:
         screenshot(tmp_path / "a.rrd", tmp_path / "a.png")
 
 
-def test_a_malformed_size_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit):
-        main([str(tmp_path / "a.rrd"), str(tmp_path / "a.png"), "--size", "wide"])
-    assert "WIDTHxHEIGHT" in capsys.readouterr().err
+@pytest.mark.parametrize("said", ["wide", "80", "80x", "0x60", "80x-1"])
+def test_a_malformed_size_is_none(said: str) -> None:
+    assert parse_size(said) is None
+    assert parse_size("80x60") == (80, 60)
 
 
-def test_without_a_graphics_driver_the_packages_are_named(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_without_a_graphics_driver_the_packages_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "a.rrd").write_bytes(b"")
     for name in ("VK_DRIVER_FILES", "VK_ICD_FILENAMES"):
         monkeypatch.setenv(name, str(tmp_path / "none.json"))
     monkeypatch.setenv("LIBGL_DRIVERS_PATH", str(tmp_path))
-    assert main([str(tmp_path / "a.rrd"), str(tmp_path / "a.png")]) == 2
-    assert "mesa-vulkan-drivers" in capsys.readouterr().err
+    with pytest.raises(RecordingError, match="mesa-vulkan-drivers"):
+        screenshot(tmp_path / "a.rrd", tmp_path / "a.png")
 
 
 def test_a_viewer_that_ends_after_it_has_answered_has_no_graphics_driver() -> None:
