@@ -1,0 +1,70 @@
+"""The site: its navigation has every page, its parts have makers; `make docs` builds it and checks links."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+import yaml
+
+from tests.guide.pages import REPOSITORY
+from website.links import changelog, without_source_links
+from website.parts import PARTS
+
+DOCS = REPOSITORY / "docs"
+SETTINGS = yaml.safe_load((REPOSITORY / "mkdocs.yml").read_text(encoding="utf-8"))
+
+
+def entries(nav: object) -> Iterator[str]:
+    """Pages and folders of a navigation."""
+    if isinstance(nav, str):
+        yield nav
+    elif isinstance(nav, list | dict):
+        for one in nav.values() if isinstance(nav, dict) else nav:
+            yield from entries(one)
+
+
+def test_the_navigation_names_every_page_once() -> None:
+    named = list(entries(SETTINGS["nav"]))
+    pages = [path for entry in named for path in ((DOCS / entry).glob("*.md") if entry[-1] == "/" else [DOCS / entry])]
+    assert sorted(pages) == sorted(DOCS.rglob("*.md"))
+
+
+def test_pages_ask_for_parts_that_there_are() -> None:
+    asked = {
+        name: path.name
+        for path in DOCS.rglob("*.md")
+        for name in re.findall(r"^<!-- site: (\w+)", path.read_text(encoding="utf-8"), re.MULTILINE)
+    }
+    assert set(asked) == set(PARTS)
+
+
+def test_the_site_loads_nothing_from_elsewhere() -> None:
+    assert SETTINGS["theme"]["font"] is False
+    assert not SETTINGS.keys() & {"extra_javascript", "repo_url"}
+    assert "url(" not in (DOCS / "site.css").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("page", "text", "made"),
+    [
+        ("zoo.md", "in [table.py](../tests/zoo/table.py).", "in table.py (`tests/zoo/table.py`)."),
+        ("guide/development.md", "[tree](../../README.md#the-source)", "tree (`README.md`)"),
+        ("guide/training.md", "[`docs/examples`](../examples)", "`docs/examples`"),
+        ("guide/demo.md", "[sites](sites.md#two-way-aisles)", "[sites](sites.md#two-way-aisles)"),
+        ("guide/demo.md", "[here](#fidelities)", "[here](#fidelities)"),
+        ("guide/demo.md", "![A picture](../images/demo.png)", "![A picture](../images/demo.png)"),
+        ("guide/demo.md", "[lost](../../lost.md)", "[lost](../../lost.md)"),
+        ("guide/demo.md", "[far](https://example.org/README.md)", "[far](https://example.org/README.md)"),
+    ],
+)
+def test_links_to_the_source_become_paths(page: str, text: str, made: str) -> None:
+    assert without_source_links(text, page, REPOSITORY) == made
+
+
+def test_links_of_the_changelog_lead_to_pages() -> None:
+    targets = re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", changelog(REPOSITORY))
+    assert targets
+    assert [target for target in targets if not (DOCS / Path(target)).is_file()] == []
