@@ -111,7 +111,7 @@ $(DOCS_STAMP): $(STAMP)
 	@touch $@
 
 docs: $(DOCS_STAMP) ## The site, in build/site; a link that leads nowhere or a docstring that cannot be read ends it.
-	@NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict --quiet $(ARGS)
+	@NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict $(ARGS)
 	@echo "build/site/index.html"
 
 hooks: $(STAMP) ## Let git run the pre-commit hooks before each commit.

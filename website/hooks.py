@@ -10,7 +10,7 @@ from mkdocs.exceptions import PluginError
 from mkdocs.structure.files import Files
 from mkdocs.structure.pages import Page
 
-from website.links import without_source_links
+from website.github import with_plain_bars, without_source_links
 from website.parts import PARTS, Place
 
 REPOSITORY = Path(__file__).resolve().parents[1]
@@ -36,7 +36,7 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
             raise PluginError(f"{page.file.src_uri}: {mark[0]}; valid: {', '.join(sorted(PARTS))}")
         return PARTS[name](word, Place(repository=REPOSITORY, page=page.file, files=files, config=config))
 
-    return without_source_links(_MARK.sub(made, markdown), page.file.src_uri, REPOSITORY)
+    return with_plain_bars(without_source_links(_MARK.sub(made, markdown), page.file.src_uri, REPOSITORY))
 
 
 def on_post_page(output: str, page: Page, config: MkDocsConfig) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
-from website.links import changelog
+from website.github import changelog
 
 if TYPE_CHECKING:  # of the extra `docs`, which tests of the parts do without
     from mkdocs.config.defaults import MkDocsConfig

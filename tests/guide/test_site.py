@@ -9,8 +9,9 @@ from pathlib import Path
 import pytest
 import yaml
 
+from tests.architecture.source_tree import source_tree
 from tests.guide.pages import REPOSITORY
-from website.links import changelog, without_source_links
+from website.github import changelog, with_plain_bars, without_source_links
 from website.parts import PARTS
 
 DOCS = REPOSITORY / "docs"
@@ -41,6 +42,13 @@ def test_pages_ask_for_parts_that_there_are() -> None:
     assert set(asked) == set(PARTS)
 
 
+def test_the_reference_names_modules_once() -> None:
+    text = "".join(path.read_text(encoding="utf-8") for path in sorted((DOCS / "reference").glob("*.md")))
+    named = re.findall(r"^::: (\S+)$", text, re.MULTILINE)
+    assert len(named) == len(set(named))
+    assert set(named) - set(source_tree(REPOSITORY).modules) == set()
+
+
 def test_the_site_loads_nothing_from_elsewhere() -> None:
     assert SETTINGS["theme"]["font"] is False
     assert not SETTINGS.keys() & {"extra_javascript", "repo_url"}
@@ -68,3 +76,7 @@ def test_links_of_the_changelog_lead_to_pages() -> None:
     targets = re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", changelog(REPOSITORY))
     assert targets
     assert [target for target in targets if not (DOCS / Path(target)).is_file()] == []
+
+
+def test_bars_in_code_lose_their_backslash() -> None:
+    assert with_plain_bars(r"| `--grip suction\|friction` | a \| b |") == r"| `--grip suction|friction` | a \| b |"

@@ -1,4 +1,4 @@
-"""Links: what pages link to in the repository and not in the site."""
+"""GitHub: what a page means there, said so that the site means the same."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from pathlib import Path
 
 DOCS = "docs"
 _LINK = re.compile(r"(?<![`!])\[(?P<words>[^\]]*)\]\((?P<target>[^)\s#]+)(?:#[^)\s]*)?\)")
+_CODE = re.compile(r"(?<!`)`[^`\n]+`(?!`)")
 
 
 def without_source_links(markdown: str, page: str, repository: Path) -> str:
@@ -33,6 +34,11 @@ def without_source_links(markdown: str, page: str, repository: Path) -> str:
         return f"`{path}`" if words.strip("`") == path else f"{words} (`{path}`)"
 
     return _LINK.sub(named, markdown)
+
+
+def with_plain_bars(markdown: str) -> str:
+    """Bars inside of code as they are: in tables GitHub wants a backslash before them, and hides it."""
+    return _CODE.sub(lambda code: code[0].replace(r"\|", "|"), markdown)
 
 
 def changelog(repository: Path) -> str:
