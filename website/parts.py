@@ -8,6 +8,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
+from website.commands import commands
 from website.github import changelog
 
 if TYPE_CHECKING:  # of the extra `docs`, which tests of the parts do without
@@ -40,6 +41,7 @@ class Place:
 PARTS: Mapping[str, Callable[[str, Place], str]] = MappingProxyType(
     {
         "changelog": lambda word, place: changelog(place.repository),
+        "commands": lambda word, place: commands(),
     }
 )
 """A part makes Markdown from the word behind its name, empty if there is none, and its place."""

@@ -9,8 +9,11 @@ from pathlib import Path
 import pytest
 import yaml
 
+from fleet.cli.arguments import arguments_of
+from fleet.cli.main import main
 from tests.architecture.source_tree import source_tree
 from tests.guide.pages import REPOSITORY
+from website.commands import all_commands, commands, words_of
 from website.github import changelog, with_plain_bars, without_source_links
 from website.parts import PARTS
 
@@ -80,3 +83,23 @@ def test_links_of_the_changelog_lead_to_pages() -> None:
 
 def test_bars_in_code_lose_their_backslash() -> None:
     assert with_plain_bars(r"| `--grip suction\|friction` | a \| b |") == r"| `--grip suction|friction` | a \| b |"
+
+
+def test_each_command_has_a_section_with_its_options() -> None:
+    sections = dict(re.findall(r"^## (.+)\n((?:(?!## ).*\n)*)", commands(), re.MULTILINE))
+    assert list(sections) == list(all_commands())
+    for name, command in all_commands().items():
+        labels = re.findall(r"^\| `([^`]+)` ", sections[name], re.MULTILINE)
+        assert labels == [argument.label for argument in arguments_of(command.load())]
+
+
+@pytest.mark.parametrize("name", all_commands())
+def test_what_is_said_of_an_option_is_what_its_help_says(
+    name: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "200")
+    with pytest.raises(SystemExit):
+        main([*name.split(), "--help"])
+    said = " ".join(capsys.readouterr().out.replace("│", " ").split())
+    words = words_of(all_commands()[name].load())
+    assert [text for text in words.values() if text not in said] == []
