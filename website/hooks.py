@@ -34,7 +34,10 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
         name, word = mark["part"], mark["word"] or ""
         if name not in PARTS:
             raise PluginError(f"{page.file.src_uri}: {mark[0]}; valid: {', '.join(sorted(PARTS))}")
-        return PARTS[name](word, Place(repository=REPOSITORY, page=page.file, files=files, config=config))
+        try:
+            return PARTS[name](word, Place(repository=REPOSITORY, page=page.file, files=files, config=config))
+        except KeyError as error:
+            raise PluginError(f"{page.file.src_uri}: {mark[0]}; valid: another word than {error}") from error
 
     return with_plain_bars(without_source_links(_MARK.sub(made, markdown), page.file.src_uri, REPOSITORY))
 

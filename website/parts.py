@@ -9,6 +9,8 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from website.commands import commands
+from website.drawings import figure
+from website.gallery import film
 from website.github import changelog
 
 if TYPE_CHECKING:  # of the extra `docs`, which tests of the parts do without
@@ -42,6 +44,8 @@ PARTS: Mapping[str, Callable[[str, Place], str]] = MappingProxyType(
     {
         "changelog": lambda word, place: changelog(place.repository),
         "commands": lambda word, place: commands(),
+        "drawing": lambda word, place: figure(word),
+        "film": film,
     }
 )
 """A part makes Markdown from the word behind its name, empty if there is none, and its place."""
