@@ -19,7 +19,12 @@ from tests.guide.pages import DATA, GUIDE, REPOSITORY, RUN, Block, PageError, bl
 MOST_SKIPPED = 6
 """Blocks that no test can run: windows, viewers, installations."""
 DOCS = REPOSITORY / "docs"
-IMAGINED = ("planners/allocation/longest_wait.py",)
+IMAGINED = (
+    "fleet/envs/go_or_hold_v0.py",
+    "fleet/tasks/types/there_and_back.py",
+    "planners/allocation/longest_wait.py",
+    "planners/mapf/first_come.py",
+)
 """Files that a reader may add."""
 LINK = re.compile(r"(?<!`)!?\[[^\]]*\]\((?P<target>[^)\s]+)\)")
 TEXTS = [

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -103,3 +104,9 @@ def test_what_is_said_of_an_option_is_what_its_help_says(
     said = " ".join(capsys.readouterr().out.replace("│", " ").split())
     words = words_of(all_commands()[name].load())
     assert [text for text in words.values() if text not in said] == []
+
+
+def test_the_version_to_cite_is_the_project_s() -> None:
+    version = tomllib.loads((REPOSITORY / "pyproject.toml").read_text(encoding="utf-8"))["project"]["version"]
+    assert yaml.safe_load((REPOSITORY / "CITATION.cff").read_text(encoding="utf-8"))["version"] == version
+    assert f"version = {{{version}}}" in (DOCS / "cite.md").read_text(encoding="utf-8")
