@@ -12,6 +12,8 @@ from website.commands import commands
 from website.drawings import figure
 from website.gallery import film
 from website.github import changelog
+from website.notebooks import notebooks
+from website.results import results
 
 if TYPE_CHECKING:  # of the extra `docs`, which tests of the parts do without
     from mkdocs.config.defaults import MkDocsConfig
@@ -46,6 +48,8 @@ PARTS: Mapping[str, Callable[[str, Place], str]] = MappingProxyType(
         "commands": lambda word, place: commands(),
         "drawing": lambda word, place: figure(word),
         "film": film,
+        "notebooks": lambda word, place: notebooks(place),
+        "results": lambda word, place: results(word, place.repository),
     }
 )
 """A part makes Markdown from the word behind its name, empty if there is none, and its place."""

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import re
 import tomllib
 from collections.abc import Iterator
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import pytest
@@ -16,7 +18,9 @@ from tests.architecture.source_tree import source_tree
 from tests.guide.pages import REPOSITORY
 from website.commands import all_commands, commands, words_of
 from website.github import changelog, with_plain_bars, without_source_links
+from website.notebooks import notebooks
 from website.parts import PARTS
+from website.results import FOLDER, results, sections
 
 DOCS = REPOSITORY / "docs"
 SETTINGS = yaml.safe_load((REPOSITORY / "mkdocs.yml").read_text(encoding="utf-8"))
@@ -110,3 +114,51 @@ def test_the_version_to_cite_is_the_project_s() -> None:
     version = tomllib.loads((REPOSITORY / "pyproject.toml").read_text(encoding="utf-8"))["project"]["version"]
     assert yaml.safe_load((REPOSITORY / "CITATION.cff").read_text(encoding="utf-8"))["version"] == version
     assert f"version = {{{version}}}" in (DOCS / "cite.md").read_text(encoding="utf-8")
+
+
+@dataclass
+class Added:
+    """Stands for the place of a part, and keeps what was added."""
+
+    repository: Path
+    files: dict[str, str] = field(default_factory=dict)
+
+    def add(self, path: str, content: str) -> None:
+        self.files[path] = content
+
+
+def test_notebooks_are_taken_in_without_scripts_from_elsewhere(tmp_path: Path) -> None:
+    place = Added(repository=tmp_path)
+    assert "make notebooks" in notebooks(place)  # type: ignore[arg-type]
+    folder = tmp_path / "build" / "notebooks"
+    folder.mkdir(parents=True)
+    page = '<script src="{}x.js"></script><script>let a;</script>'
+    (folder / "01_tour.html").write_text(page.format("https://example.org/"), encoding="utf-8")
+    (folder / "02_own.html").write_text(page.format(""), encoding="utf-8")
+    text = notebooks(place)  # type: ignore[arg-type]
+    assert text == "- [01 tour](notebooks/01_tour.html)\n- [02 own](notebooks/02_own.html)"
+    assert place.files["notebooks/01_tour.html"] == "<script>let a;</script>"
+    assert place.files["notebooks/02_own.html"] == page.format("")
+
+
+def test_rows_of_a_result_belong_to_the_one_above() -> None:
+    rows = [
+        {"name": name, "unit": unit, "value": value}
+        for name, unit, value in (
+            ("one: robots", "", 4),
+            ("  step", "ms", 2.0),
+            ("  step", "ms", 3.0),
+            ("two: n", "", 5),
+        )
+    ]
+    one, two = sections(rows)
+    assert (one.title, one.first, dict(one.values)) == ("one", 4, {"step [ms]": (2.0, 3.0)})
+    assert (two.title, two.first, dict(two.values)) == ("two", 5, {})
+
+
+@pytest.mark.parametrize("name", ["league"])
+def test_figures_stand_beside_those_of_others(name: str) -> None:
+    table = [line for line in results(name, REPOSITORY).splitlines() if line.startswith("|")]
+    written = json.loads((REPOSITORY / FOLDER / f"{name}.json").read_text(encoding="utf-8"))["rows"]
+    assert len(table) - 2 == sum(not row["name"].startswith(" ") for row in written)
+    assert len({line.count("|") for line in table}) == 1
