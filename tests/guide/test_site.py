@@ -156,7 +156,7 @@ def test_rows_of_a_result_belong_to_the_one_above() -> None:
     assert (two.title, two.first, dict(two.values)) == ("two", 5, {})
 
 
-@pytest.mark.parametrize("name", ["league"])
+@pytest.mark.parametrize("name", ["league", "pogema"])
 def test_figures_stand_beside_those_of_others(name: str) -> None:
     table = [line for line in results(name, REPOSITORY).splitlines() if line.startswith("|")]
     written = json.loads((REPOSITORY / FOLDER / f"{name}.json").read_text(encoding="utf-8"))["rows"]
