@@ -6,6 +6,7 @@ SHELL := /bin/bash
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
+DOCS_STAMP := $(VENV)/.docs
 
 # Number of test processes; one per core of a small machine.
 JOBS = 2
@@ -19,7 +20,7 @@ BOUNDS_DIR = build/bounds
 # Further words for the command, such as ARGS="--site small --robots 8".
 ARGS =
 
-.PHONY: help setup demo test test-all test-rules test-bounds test-stacks zoo check format bench hooks hooks-check clean
+.PHONY: help setup demo test test-all test-rules test-bounds test-stacks zoo check format bench docs hooks hooks-check clean
 
 help: ## List the targets.
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -104,6 +105,14 @@ format: $(STAMP) ## Repair what the linter and the formatter can.
 
 bench: $(STAMP) ## Every benchmark, with few repetitions.
 	@$(BIN)/python -m benchmarks --quick $(ARGS)
+
+$(DOCS_STAMP): $(STAMP)
+	@$(BIN)/python -m pip install --quiet --quiet --disable-pip-version-check --editable '.[docs]'
+	@touch $@
+
+docs: $(DOCS_STAMP) ## The site, in build/site; a link that leads nowhere or a docstring that cannot be read ends it.
+	@NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict $(ARGS)
+	@echo "build/site/index.html"
 
 hooks: $(STAMP) ## Let git run the pre-commit hooks before each commit.
 	@$(BIN)/pre-commit install

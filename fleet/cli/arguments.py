@@ -31,8 +31,8 @@ NUMBERS = {int: "an integer", float: "a number"}
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class _Field:
-    """A field of a command."""
+class Argument:
+    """A field of a command, as a user meets it."""
 
     name: str
     label: str
@@ -85,7 +85,7 @@ def read_words(words: Sequence[str], command: type[Any]) -> Any:
     Raises:
         ConfigError: A word means nothing, has no value or a wrong one, or is missing.
     """
-    fields = _fields(command)
+    fields = arguments_of(command)
     options = {field.label: field for field in fields if field.is_option}
     places = deque(field for field in fields if not field.is_option)
     given: dict[str, Any] = {}
@@ -127,18 +127,19 @@ def explain(command: type[Any], prog: str) -> NoReturn:
     raise SystemExit(0)
 
 
-def _fields(command: type[Any]) -> list[_Field]:
+def arguments_of(command: type[Any]) -> list[Argument]:
+    """What a command can be given, in the order of its fields."""
     hints = get_type_hints(command, include_extras=True)
     return [_field(field, hints[field.name]) for field in dataclasses.fields(command)]
 
 
-def _field(field: dataclasses.Field[Any], hint: Any) -> _Field:
+def _field(field: dataclasses.Field[Any], hint: Any) -> Argument:
     marks: tuple[Any, ...] = ()
     if get_origin(hint) is Annotated:
         hint, marks = hint.__origin__, hint.__metadata__
     kinds = [hint] if get_origin(hint) is Literal else [kind for kind in get_args(hint) if kind is not NoneType]
     is_option = tyro.conf.Positional not in marks
-    return _Field(
+    return Argument(
         name=field.name,
         label=f"--{field.name.replace('_', '-')}" if is_option else field.name.upper(),
         is_option=is_option,
@@ -148,5 +149,5 @@ def _field(field: dataclasses.Field[Any], hint: Any) -> _Field:
     )
 
 
-def _refuse_option(option: str, options: dict[str, _Field]) -> NoReturn:
+def _refuse_option(option: str, options: dict[str, Argument]) -> NoReturn:
     raise ConfigError(f"unknown option {option}{hint(option, options)}; valid: {', '.join(options)}")

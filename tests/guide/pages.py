@@ -1,4 +1,4 @@
-"""Pages: the README and the guide, cut into blocks that run as they are printed.
+"""Pages: the README, the site's first page and the guide, cut into blocks that run as they are printed.
 
 A block stands between fences that say its language. What a test has to know beyond that stands in HTML comments right
 above the fence, which a reader of the page does not see:
@@ -64,8 +64,12 @@ class Block:
 
 
 def pages() -> list[str]:
-    """Return the README and all pages of the guide, as paths from the root of the repository."""
-    return ["README.md", *(path.relative_to(REPOSITORY).as_posix() for path in sorted(GUIDE.glob("*.md")))]
+    """Return the README, the site's first page and the guide, as paths from the root of the repository."""
+    return [
+        "README.md",
+        "docs/index.md",
+        *(path.relative_to(REPOSITORY).as_posix() for path in sorted(GUIDE.glob("*.md"))),
+    ]
 
 
 def blocks_of(text: str, page: str) -> Iterator[Block]:

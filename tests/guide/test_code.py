@@ -15,6 +15,10 @@ from tests.guide.pages import Block, each_block, run_block
     "docs/guide/benchmarks.md",
     "docs/guide/development.md",
     "docs/guide/extend.md",
+    "docs/guide/own_planner.md",
+    "docs/guide/own_task_type.md",
+    "docs/guide/own_environment.md",
+    "docs/guide/troubleshooting.md",
     "docs/guide/limits.md",
 )
 def test_block(block: Block, tmp_path: Path) -> None:

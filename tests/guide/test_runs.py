@@ -9,6 +9,7 @@ from tests.guide.pages import Block, each_block, run_block
 
 @each_block(
     "README.md",
+    "docs/index.md",
     "docs/guide/README.md",
     "docs/guide/demo.md",
     "docs/guide/play.md",

@@ -1,0 +1,1 @@
+"""Website: what the pages of the site take in when it is built."""
