@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 SAME, DIFFERENT = 0, 1
 _ACCOUNTS = ("car_ticks.", "arm_ticks.", "blame.")
 """Figures of single robots and cells, which are too many to print."""
+_PARTS = ("stations.", "bounds.", "slip_", "idle_percent.")
+"""Figures of parts of the floor and of the run, which are printed if that is wanted."""
 _MOST_BESIDE, _MOST_SPREAD = 6, 8
 """Most lines and robots that are told; the rest is counted."""
 
@@ -35,6 +37,8 @@ class Diff:
     """Recording with both runs side by side, under /a and /b."""
     no_record: bool = False
     """Write no recording."""
+    all: bool = False
+    """Print also figures of single stations, and what else explains those of the whole run."""
 
     def run(self) -> int:
         """Compare and print; returns the exit status."""
@@ -54,7 +58,10 @@ class Diff:
         for line in sentences(found, a.trace.tick_s):
             console.print(line, soft_wrap=True)
         if found.figures:
-            console.print(figures_table(found.figures))
+            console.print(figures_table(found.figures, whole=not self.all))
+            n_left = sum(pair.name.startswith(_PARTS) for pair in found.figures)
+            if n_left and not self.all:
+                console.print(f"{n_left} figures of stations and bounds differ, too (--all)")
         if not self.no_record and not found.same:
             recordings = [run.directory / RECORDING for run in (a, b)]
             missing = next((path for path in recordings if not path.is_file()), None)
@@ -101,13 +108,18 @@ def sentences(found: Difference, tick_s: float) -> list[str]:
     return lines
 
 
-def figures_table(figures: tuple[Pair, ...]) -> Table:
-    """The figures that differ, but for those of single robots and cells."""
+def figures_table(figures: tuple[Pair, ...], *, whole: bool = False) -> Table:
+    """The figures that differ, but for those of single robots and cells.
+
+    Args:
+        figures: Those that differ.
+        whole: Leave out those of stations and of other parts of a run.
+    """
     table = Table(title="figures that differ")
     for name in ("figure", "A", "B", "B - A"):
         table.add_column(name, justify="left" if name == "figure" else "right", no_wrap=name == "figure")
     for pair in figures:
-        if not pair.name.startswith(_ACCOUNTS):
+        if not pair.name.startswith((*_ACCOUNTS, *_PARTS) if whole else _ACCOUNTS):
             table.add_row(pair.name, _value(pair.a), _value(pair.b), _change(pair))
     return table
 

@@ -76,6 +76,21 @@ def test_another_seed_is_a_setting_too(base: Path, tmp_path: Path, capsys: pytes
     assert "setting seed: 0 in A, 1 in B" in said
 
 
+def test_figures_of_single_stations_are_told_if_wanted(
+    base: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A friction of the first hour: more than thirty rows, most of them of no interest."""
+    other = run(tmp_path / "b", seed=1)
+    short, long = (diff([str(base), str(other), "--no-record", *more], capsys)[1] for more in ([], ["--all"]))
+    assert "state_hash" in short
+    assert "stations.pick_1." in long
+    assert "│ stations." not in short
+    n_left = int(short.splitlines()[-1].split()[0])
+    assert short.splitlines()[-1] == f"{n_left} figures of stations and bounds differ, too (--all)"
+    rows = [line for line in long.splitlines() if line.startswith(("│ stations.", "│ bounds.", "│ idle_percent."))]
+    assert len(rows) == n_left
+
+
 def test_fleets_of_other_size_part_at_the_start(base: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     status, said, _ = diff([str(base), str(run(tmp_path / "b", robots=1)), "--no-record"], capsys)
     assert status == 1
