@@ -175,8 +175,8 @@ def main(arguments: Sequence[str] | None = None, *, prog: str = "") -> None:
     try:
         chosen, name, words = _choose(words, prog)
         command = _read(chosen, name, words)
-        # Only where somebody waits before a screen: a file or a pipe gets what the command itself has to say.
-        told = chosen.compiles and sys.stderr.isatty()
+        # In a program that calls this there is nobody who waits.
+        told = chosen.compiles and (sys.stderr.isatty() or arguments is None)
         with interrupts_kept(), compilation_told(sys.stderr) if told else contextlib.nullcontext():
             status = command.run()
         sys.stdout.flush()

@@ -13,6 +13,7 @@ from fleet.recording import read_run
 from fleet.recording.check import verify_recording
 from fleet.session import Result, SessionConfig, run_session
 from fleet.simulation import Simulation
+from fleet.terminal.compilation import NOTICE
 
 pytestmark = pytest.mark.bullet
 
@@ -60,7 +61,7 @@ def test_the_demo_command(repository: Path, tmp_path: Path) -> None:
         text=True,
         check=False,
     )
-    assert (ended.returncode, ended.stderr) == (0, "")
+    assert (ended.returncode, ended.stderr.replace(f"{NOTICE}\n", "")) == (0, "")
     result = json.loads((tmp_path / "result.json").read_text(encoding="utf-8"))
     check(result, 3)
     assert result["versions"]["pybullet"]
