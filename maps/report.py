@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from maps.lane_drawing import draw_lanes
 from maps.lane_graph import build_lane_graph
 from maps.orientation import n_separated, path_lengths, separating
 from maps.site import Site
@@ -73,21 +74,10 @@ def draw_site(site: Site) -> str:
 
     Floor is '.', a cut cell ','; '-' and '|' are two-way lanes; blocked cells keep their character of the plan.
     """
-    rows, cols = site.grid.rows, site.grid.cols
-    canvas = np.full((2 * rows - 1, 2 * cols - 1), " ")
     chars = np.array([list(line) for line in site.plan])
     chars[np.isin(chars, list("><^vx"))] = "."
     chars.reshape(-1)[list(site.cut_cells)] = ","
-    canvas[::2, ::2] = chars
-    lanes = {(int(a), int(b)) for a, b in site.lanes}
-    for start, end in lanes:
-        (row, col), (next_row, next_col) = site.grid.row_col(start), site.grid.row_col(end)
-        across = row == next_row
-        arrow = (">" if next_col > col else "<") if across else ("v" if next_row > row else "^")
-        if (end, start) in lanes:
-            arrow = "-" if across else "|"
-        canvas[row + next_row, col + next_col] = arrow
-    return "\n".join("".join(line).rstrip() for line in canvas)
+    return "\n".join(draw_lanes(chars, site.lanes, site.grid))
 
 
 def _warnings(site: Site, ratio: float) -> tuple[str, ...]:
