@@ -53,9 +53,7 @@ def layout_of_states(site: Site) -> Layout:
             zip(graph.move_from.tolist(), graph.move_to.tolist(), graph.move_kind.tolist(), strict=True)
         )
     )
-    docks = {
-        station.name: names[graph.state_at(station.dock.cell, station.dock.heading)] for station in site.stations
-    }
+    docks = {station.name: names[graph.state_at(station.dock.cell, station.dock.heading)] for station in site.stations}
     return Layout(name=site.name, nodes=nodes, edges=edges, stations=tuple(_stations(site, docks)))
 
 

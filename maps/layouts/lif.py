@@ -38,56 +38,56 @@ class _Position(Fields):
 
 
 class _Action(Fields):
-    actionType: str  # noqa: N815 - as the format has it
+    actionType: str
 
 
 class _NodeOfVehicle(Fields):
-    vehicleTypeId: str  # noqa: N815
+    vehicleTypeId: str
     theta: Angle | None = None
     actions: tuple[_Action, ...] = ()
 
 
 class _Node(Fields):
-    nodeId: str  # noqa: N815
-    nodePosition: _Position  # noqa: N815
-    vehicleTypeNodeProperties: tuple[_NodeOfVehicle, ...]  # noqa: N815
+    nodeId: str
+    nodePosition: _Position
+    vehicleTypeNodeProperties: tuple[_NodeOfVehicle, ...]
 
 
 class _EdgeOfVehicle(Fields):
-    vehicleTypeId: str  # noqa: N815
-    vehicleOrientation: Angle = 0.0  # noqa: N815
-    orientationType: Literal["GLOBAL", "TANGENTIAL"] = "TANGENTIAL"  # noqa: N815
+    vehicleTypeId: str
+    vehicleOrientation: Angle = 0.0
+    orientationType: Literal["GLOBAL", "TANGENTIAL"] = "TANGENTIAL"
 
 
 class _Edge(Fields):
-    edgeId: str  # noqa: N815
-    startNodeId: str  # noqa: N815
-    endNodeId: str  # noqa: N815
-    vehicleTypeEdgeProperties: tuple[_EdgeOfVehicle, ...]  # noqa: N815
+    edgeId: str
+    startNodeId: str
+    endNodeId: str
+    vehicleTypeEdgeProperties: tuple[_EdgeOfVehicle, ...]
 
 
 class _Station(Fields):
-    stationId: str  # noqa: N815
-    interactionNodeIds: tuple[str, ...]  # noqa: N815
-    stationDescription: str = ""  # noqa: N815
-    stationHeight: float | None = None  # noqa: N815
-    stationPosition: _Position | None = None  # noqa: N815
+    stationId: str
+    interactionNodeIds: tuple[str, ...]
+    stationDescription: str = ""
+    stationHeight: float | None = None
+    stationPosition: _Position | None = None
 
 
 class _Layout(Fields):
-    layoutId: str  # noqa: N815
-    layoutLevelId: str = ""  # noqa: N815
+    layoutId: str
+    layoutLevelId: str = ""
     nodes: tuple[_Node, ...]
     edges: tuple[_Edge, ...]
     stations: tuple[_Station, ...]
 
 
 class _Meta(Fields):
-    lifVersion: str  # noqa: N815
+    lifVersion: str
 
 
 class _File(Fields):
-    metaInformation: _Meta  # noqa: N815
+    metaInformation: _Meta
     layouts: tuple[_Layout, ...]
 
 
@@ -102,12 +102,14 @@ def write_lif(site: Site) -> str:
     for node in layout.nodes:
         if node.parking or node.charger:
             use = "charger" if node.charger else _PARKING
-            stations.append({
-                "stationId": f"{use}_{node.name}",
-                "interactionNodeIds": [node.name],
-                "stationName": f"{use}_{node.name}",
-                "stationDescription": use,
-            })
+            stations.append(
+                {
+                    "stationId": f"{use}_{node.name}",
+                    "interactionNodeIds": [node.name],
+                    "stationName": f"{use}_{node.name}",
+                    "stationDescription": use,
+                }
+            )
     content = {
         "metaInformation": {
             "projectIdentification": site.name,
@@ -176,16 +178,16 @@ def read_lif(text: str, where: str) -> Layout:
             use = _use_of(station, uses.get(node_id, set()))
             if use in marks:
                 marks[use].add(node_id)
-            elif use == "pick" or use == "drop":
-                at = station.stationPosition
+            elif use is not None:
+                place = station.stationPosition
                 stations.append(
                     LayoutStation(
                         name=station.stationId,
-                        use=use,
+                        use="pick" if use == "pick" else "drop",
                         node=node_id,
-                        x=at.x if at else None,
-                        y=at.y if at else None,
-                        yaw=at.theta if at else None,
+                        x=place.x if place else None,
+                        y=place.y if place else None,
+                        yaw=place.theta if place else None,
                         height_m=station.stationHeight,
                     )
                 )

@@ -259,7 +259,7 @@ class _Floor:
         plan = parse_plan(site.plan, where=self._where)
         grid = GridMap(plan.open)
         sides = match_arms(plan, grid, where=self._where)
-        found = {}
+        found: dict[str, LayoutStation] = {}
         for number, own in name_stations(plan, sides).items():
             row, col = divmod(number, self.cols)
             by_side = {self._arm_side[station.name]: station for station in self._at_cell[row, col]}
@@ -268,7 +268,7 @@ class _Floor:
 
     def options(self, site: Site, names: dict[str, LayoutStation]) -> dict[str, StationOptions]:
         """What of the stations is not as a site would have it by itself."""
-        found = {}
+        found: dict[str, StationOptions] = {}
         deeper = self._lattice.deeper_m
         at = {node.name: k for k, node in enumerate(self._layout.nodes)}
         for place in site.stations:
