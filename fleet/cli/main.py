@@ -69,6 +69,10 @@ COMMANDS = {
         "learning.evaluate.Evaluate",
         "Play named scenarios with a policy; prints figures with intervals and the gain over the scripted fleet.",
     ),
+    "export": Command(
+        "recordings.export.Export",
+        "Write a run as an MCAP file of ROS 2 messages, for Foxglove, PlotJuggler or `ros2 bag play`.",
+    ),
     "fit": Command(
         "scale.fit.FitCommand",
         "Fit the car of the kinematic world to physical runs; prints today's values beside the fitted ones.",
@@ -133,6 +137,15 @@ SITE_COMMANDS = {
         "site.SiteConvert",
         "Turn a MovingAI map into a site: adds stations and parking.",
     ),
+    "export": Command(
+        "site.SiteExport",
+        "Write a site as a layout of another fleet manager: LIF, openTCS, Open-RMF or Nav2.",
+        compiles=False,
+    ),
+    "import": Command(
+        "site.SiteImport",
+        "Turn a layout of another fleet manager whose nodes lie on a grid into a site.",
+    ),
 }
 TABLETOP_COMMANDS = {
     "sort": Command("tabletop.TabletopSort", "Let a Kuka sort cubes, spheres and cylinders into places by kind."),
@@ -147,7 +160,7 @@ TABLETOP_COMMANDS = {
     ),
 }
 GROUPS = {
-    "site": ("Check, list, generate or convert sites.", SITE_COMMANDS),
+    "site": ("Check, list, generate, convert, export or import sites.", SITE_COMMANDS),
     "tabletop": (
         "Sort a table: a Kuka, a Panda with a tray, two Kukas; or let two share a tray.",
         TABLETOP_COMMANDS,

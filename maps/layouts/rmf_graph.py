@@ -160,14 +160,15 @@ def layout_of_graph(graph: NavGraph, where: str) -> Layout:
     """
     nodes, edges, stations = [], [], []
     used: set[str] = set()
+    several = sum(bool(level.lanes) for level in graph.levels.values()) > 1
     for level, content in graph.levels.items():
         if not content.lanes:
             continue
         names = []
         for k, vertex in enumerate(content.vertices):
             facts = read_fields(_Facts, dict(vertex.facts), f"{where}: levels.{level}.vertices[{k}]")
-            name = facts.name or f"vertex_{k}"
-            name = f"{name}_{k}" if name in used else name
+            name = facts.name or (f"{level}_vertex_{k}" if several else f"vertex_{k}")
+            name = f"{name}_{level}_{k}" if name in used else name
             used.add(name)
             names.append(name)
             node = LayoutNode(
