@@ -28,13 +28,13 @@ def layout_of_states(site: Site) -> Layout:
     nodes = tuple(
         LayoutNode(
             name=name,
-            x=x,
-            y=y,
-            yaw=yaw,
+            x=round(x, 9),
+            y=round(y, 9),
+            yaw=math.remainder(yaw, math.tau),
             parking=cell in parking,
             charger=cell in chargers,
         )
-        for name, cell, (x, y, yaw) in zip(names, cells, graph.state_pose.round(9).tolist(), strict=True)
+        for name, cell, (x, y, yaw) in zip(names, cells, graph.state_pose.tolist(), strict=True)
     )
     edges = tuple(
         LayoutEdge(
@@ -102,7 +102,7 @@ def _stations(site: Site, docks: dict[str, str]) -> Iterable[LayoutStation]:
             node=docks[station.name],
             x=round(x, 9),
             y=round(y, 9),
-            yaw=yaw,
+            yaw=math.remainder(yaw, math.tau),
             height_m=round(float(station.slots[:, 2].max()), 9),
         )
 

@@ -139,7 +139,10 @@ def _placed(middle: Floats, pitch: float) -> tuple[Floats, Floats]:
         away -= np.round(away / pitch) * pitch
         fits = (np.abs(away) <= TOLERANCE * pitch + 1e-9).sum(axis=1)
         exact = (np.abs(away) <= _SAME_M).sum(axis=1)
-        chosen = int(np.lexsort((-exact, -fits))[0])
+        exact[2 * exact <= len(values)] = 0
+        # As many nodes as can be, then most of them exactly, then the grid of a site, then the nearest.
+        other = np.arange(len(candidates)) > 0
+        chosen = int(np.lexsort((np.abs(away).mean(axis=1), other, -exact, -fits))[0])
         off[:, axis] = away[chosen]
         place[:, axis] = values - away[chosen]
     return place, off

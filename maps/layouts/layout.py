@@ -25,7 +25,7 @@ class LayoutNode:
     y: float
     """[m], to the north."""
     yaw: float | None = None
-    """How a vehicle stands there, counter-clockwise from +x [rad]; None = any way."""
+    """How a vehicle stands there, counter-clockwise from +x, -pi to pi [rad]; None = any way."""
     parking: bool = False
     charger: bool = False
     level: str = ""
