@@ -199,23 +199,30 @@ class SiteImport:
     """The site file to write."""
     format: FORMATS | None = None
     """What the file is; default: what its name says."""
+    redraw: bool = False
+    """Draw the ways anew, cell by cell, if nodes lie on no grid: what leads where stays, lengths do not."""
     grip: Grip | None = None
     """The only tool whose reach counts; default: both."""
 
     def run(self) -> int:
         """Write the file; a site whose arms cannot serve their stations raises."""
         from maps.layouts.formats import LAYOUT_FORMATS, format_of
+        from maps.layouts.redraw import redrawn
         from maps.layouts.to_site import site_of_layout
         from maps.reading.text_file import read_text
 
         layout_format = LAYOUT_FORMATS[self.format or format_of(self.file.name)]
         text = read_text(self.file, str(self.file), valid=layout_format.title)
-        made = site_of_layout(layout_format.read(text, str(self.file)), name=self.out.stem, where=str(self.file))
+        layout, notes = layout_format.read(text, str(self.file)), []
+        if self.redraw:
+            drawn = redrawn(layout, str(self.file))
+            layout, notes = drawn.layout, drawn.notes()
+        made = site_of_layout(layout, name=self.out.stem, where=str(self.file))
         _require_reach(_unreached(made.site, self.grip))
         status = _save(made.site, self.out)
         sys.stdout.write(f"path ratio {made.path_ratio:.2f}\n")
         sys.stdout.writelines(f"{own}: {foreign}\n" for own, foreign in made.names.items() if own != foreign)
-        sys.stdout.writelines(f"note: {note}\n" for note in made.notes)
+        sys.stdout.writelines(f"note: {note}\n" for note in (*notes, *made.notes))
         return status
 
 

@@ -26,6 +26,7 @@ _HEADING_TOLERANCE_RAD = 0.02
 _MOST_PHASES = 200
 """Nodes whose place is tried as that of the grid; the others have to lie on it."""
 _SAME_M = 1e-3
+_ROUNDING_M = 1e-9
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -63,36 +64,24 @@ def fit_lattice(layout: Layout, where: str) -> Lattice:
     """
     xy = np.array([(node.x, node.y) for node in layout.nodes])
     heading = _headings(layout)
-    known = heading >= 0
-    yaw = heading * _QUARTER_RAD
-    ahead = np.round(np.column_stack((np.cos(yaw), np.sin(yaw))))
+    ahead = np.round(np.column_stack((np.cos(heading * _QUARTER_RAD), np.sin(heading * _QUARTER_RAD))))
     tries = [(pitch, False) for pitch in _pitches(layout)]
-    if known.all():
+    if (heading >= 0).all():
         tries.insert(1, (CELL_M, True))
-    best: tuple[int, float, bool, Floats, Floats] | None = None
+    grids = []
     for pitch, at_entry in tries:
-        middle = xy + ahead * (pitch / 2 - ENTRY_INSET_M) if at_entry else xy
-        place, off = _placed(middle, pitch)
-        beside = np.abs(off)
-        if at_entry:
-            along = (off * ahead).sum(axis=1)
-            beside = np.abs(off - ahead * np.clip(along, 0.0, DEEPEST_M)[:, None])
-        n_beside = int((beside.max(axis=1) > TOLERANCE * pitch + 1e-9).sum())
-        if best is None or n_beside < best[0]:
-            best = n_beside, pitch, at_entry, place, off
-        if n_beside == 0:
+        grids.append(_grid(xy, ahead, pitch, at_entry=at_entry))
+        if not grids[-1].beside_grid.any():
             break
-    assert best is not None  # there is at least one pitch
-    n_beside, pitch, at_entry, place, off = best
-    along = (off * ahead).sum(axis=1)
-    beside = off - ahead * np.clip(along, 0.0, DEEPEST_M)[:, None] if at_entry else off
-    if n_beside:
-        worst = int(np.argmax(np.abs(beside).max(axis=1) > TOLERANCE * pitch + 1e-9))
-        node, distance = layout.nodes[worst], float(np.abs(beside[worst]).max())
+    grid = min(grids, key=lambda grid: grid.beside_grid.sum())
+    pitch, place = grid.pitch_m, grid.place
+    if grid.beside_grid.any():
+        first = int(np.argmax(grid.beside_grid))
+        node = layout.nodes[first]
         raise LayoutError(
-            f"{where}: node {node.name!r} at ({node.x:.2f}, {node.y:.2f}) m lies {distance:.2f} m beside the grid of "
-            f"{pitch:g} m that suits the other nodes ({n_beside} of {len(layout.nodes)} do not); valid: at most "
-            f"{TOLERANCE * pitch:g} m"
+            f"{where}: node {node.name!r} at ({node.x:.2f}, {node.y:.2f}) m lies {grid.off_m[first]:.2f} m beside the "
+            f"grid of {pitch:g} m that suits the other nodes ({grid.beside_grid.sum()} of {len(layout.nodes)} do not); "
+            f"valid: at most {TOLERANCE * pitch:g} m, or a floor that is drawn anew (--redraw)"
         )
     square = np.floor(place / pitch + 1e-6).astype(np.int64)
     origin = place[0] - (square[0] + 0.5) * pitch
@@ -102,9 +91,36 @@ def fit_lattice(layout: Layout, where: str) -> Lattice:
         pitch_m=pitch,
         whole=pitch == CELL_M and bool((np.abs(origin) < _SAME_M).all()),
         heading=heading,
-        deeper_m=np.clip(along, 0.0, DEEPEST_M) if at_entry else None,
-        moved_m=float(np.abs(beside).max()),
+        deeper_m=grid.deeper_m,
+        moved_m=float(grid.off_m.max()),
     )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Grid:
+    """A grid that was tried."""
+
+    pitch_m: float
+    place: Floats
+    """Middle of the square of each node, shape (n, 2)."""
+    deeper_m: Floats | None
+    off_m: Floats
+    """How far each node is from where it should be, along one axis."""
+
+    @property
+    def beside_grid(self) -> npt.NDArray[np.bool_]:
+        """Nodes that are too far away."""
+        return np.asarray(self.off_m > TOLERANCE * self.pitch_m + _ROUNDING_M)
+
+
+def _grid(xy: Floats, ahead: Floats, pitch: float, *, at_entry: bool) -> _Grid:
+    """The grid of this pitch that suits most nodes, if they are middles of squares or where rear axles stand."""
+    place, off = _placed(xy + ahead * (pitch / 2 - ENTRY_INSET_M) if at_entry else xy, pitch)
+    deeper = None
+    if at_entry:
+        deeper = np.clip((off * ahead).sum(axis=1), 0.0, DEEPEST_M)
+        off = off - ahead * deeper[:, None]
+    return _Grid(pitch_m=pitch, place=place, deeper_m=deeper, off_m=np.abs(off).max(axis=1))
 
 
 def _headings(layout: Layout) -> Ints:
@@ -137,7 +153,7 @@ def _placed(middle: Floats, pitch: float) -> tuple[Floats, Floats]:
         # Of each candidate: how far every node is from the grid through it.
         away = values[None] - candidates[:, None]
         away -= np.round(away / pitch) * pitch
-        fits = (np.abs(away) <= TOLERANCE * pitch + 1e-9).sum(axis=1)
+        fits = (np.abs(away) <= TOLERANCE * pitch + _ROUNDING_M).sum(axis=1)
         exact = (np.abs(away) <= _SAME_M).sum(axis=1)
         exact[2 * exact <= len(values)] = 0
         # As many nodes as can be, then most of them exactly, then the grid of a site, then the nearest.

@@ -256,7 +256,8 @@ def _station_object(station: LayoutStation) -> dict[str, Any]:
 def _trajectory(curve: tuple[tuple[Point, ...], ...]) -> dict[str, Any]:
     """A curve as a NURBS: of degree 1 if it is a line, of degree 2 with a double knot between its pieces otherwise.
 
-    A quarter circle has weights 1, cos 45 deg, 1; the format wants none below 1, and only their ratios count.
+    A quarter circle has weights 1, cos 45 deg, 1; the format wants none below 1, and only their ratios count. A line
+    stays one with any.
 
     Source: L. Piegl and W. Tiller, The NURBS Book, 2nd ed. 1997, section 7.3.
     """
@@ -273,7 +274,7 @@ def _trajectory(curve: tuple[tuple[Point, ...], ...]) -> dict[str, Any]:
         straight = len(piece) == 2
         corner = ((x0 + x1) / 2, (y0 + y1) / 2) if straight else piece[1]
         lengths.append(math.dist(piece[0], piece[-1]) if straight else math.dist(piece[0], piece[1]) * math.pi / 2)
-        points.append({"x": corner[0], "y": corner[1], "weight": math.sqrt(2.0) if straight else 1.0})
+        points.append({"x": corner[0], "y": corner[1], "weight": 1.0})
         points.append({"x": x1, "y": y1, "weight": math.sqrt(2.0)})
     ends = [0.0]
     for length in lengths:

@@ -207,6 +207,29 @@ def test_graphs_of_building_maps_are_those_that_open_rmf_makes(reference):
         assert np.allclose(xy, other_xy, rtol=0.0, atol=1e-6)
 
 
+def test_docks_doors_and_orientations_are_seen_along_the_lane():
+    pytest.importorskip("yaml", reason="the formats of Open-RMF need the extra rmf")
+    drawn = """
+name: b
+levels:
+  L1:
+    measurements: [[0, 1, {distance: [3, 2.0]}]]
+    vertices: [[0, 0, 0, a], [20, 0, 0, b, {dock_name: [1, d]}], [10, -5, 0, ""], [10, 5, 0, ""]]
+    doors: [[2, 3, {name: [1, door]}]]
+    lanes:
+      - [0, 1, {bidirectional: [4, true], graph_idx: [2, 0], orientation: [1, forward], speed_limit: [3, 0.5]}]
+      - [1, 0, {bidirectional: [4, false], graph_idx: [2, 3], mutex: [1, m]}]
+"""
+    graphs = navigation_graphs(drawn, "file")
+    there, back = (lane.facts for lane in graphs[0].levels["L1"].lanes)
+    both = {"door_name": "door", "speed_limit": 0.5}
+    assert there == both | {"orientation_constraint": "forward", "dock_name": "d"}
+    assert back == both | {"orientation_constraint": "backward", "undock_name": "d"}
+    (alone,) = graphs[3].levels["L1"].lanes
+    assert alone.facts == {"door_name": "door", "mutex": "m", "is_bidirectional": False, "undock_name": "d"}
+    assert [(vertex.x, vertex.y) for vertex in graphs[0].levels["L1"].vertices] == [(0.0, 0.0), (2.0, 0.0)]
+
+
 def test_coordinates_of_the_earth_are_refused():
     pytest.importorskip("yaml", reason="the formats of Open-RMF need the extra rmf")
     with pytest.raises(LayoutError, match="coordinate_system is 'wgs84'; valid: one of reference_image"):
