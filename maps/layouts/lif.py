@@ -133,7 +133,7 @@ def write_lif(site: Site) -> str:
 
 
 def read_lif(text: str, where: str) -> Layout:
-    """Read LIF 1.0.x; of several types of vehicles the first that is named at an edge counts.
+    """Read LIF 1.0.x; of several types of vehicles the first that is named at an edge counts, and what is open to it.
 
     Args:
         text: Content of the file.
@@ -158,12 +158,15 @@ def read_lif(text: str, where: str) -> Layout:
     layout = file.layouts[0]
     vehicle = next((of.vehicleTypeId for edge in layout.edges for of in edge.vehicleTypeEdgeProperties), "")
     uses: dict[str, set[str]] = {}
+    closed: set[str] = set()
     nodes = []
     for node in layout.nodes:
         own = next((of for of in node.vehicleTypeNodeProperties if of.vehicleTypeId == vehicle), None)
-        uses[node.nodeId] = {action.actionType for action in own.actions} if own else set()
-        at = node.nodePosition
-        nodes.append(LayoutNode(name=node.nodeId, x=at.x, y=at.y, yaw=own.theta if own else None))
+        if own is None:
+            closed.add(node.nodeId)
+            continue
+        uses[node.nodeId] = {action.actionType for action in own.actions}
+        nodes.append(LayoutNode(name=node.nodeId, x=node.nodePosition.x, y=node.nodePosition.y, yaw=own.theta))
     edges = []
     for edge in layout.edges:
         of_vehicle = next((of for of in edge.vehicleTypeEdgeProperties if of.vehicleTypeId == vehicle), None)
@@ -174,7 +177,7 @@ def read_lif(text: str, where: str) -> Layout:
     marks: dict[str, set[str]] = {"parking": set(), "charger": set()}
     stations = []
     for station in layout.stations:
-        for node_id in station.interactionNodeIds[:1]:
+        for node_id in [name for name in station.interactionNodeIds if name not in closed][:1]:
             use = _use_of(station, uses.get(node_id, set()))
             if use in marks:
                 marks[use].add(node_id)

@@ -57,7 +57,7 @@ def site_of_layout(layout: Layout, *, name: str, where: str) -> ImportedSite:
 
     Raises:
         LayoutError: It has several levels, does not lie on a grid, an edge leads along no row and no column, passes
-            another node or crosses another edge, or a station has no room for its arm.
+            another node or crosses another edge, or a station has no room for its arm or several ways in.
         SiteError: The site cannot work, see `maps.site.site_from_plan`.
     """
     levels = sorted({node.level for node in layout.nodes})
@@ -69,6 +69,7 @@ def site_of_layout(layout: Layout, *, name: str, where: str) -> ImportedSite:
     floor.place_stations()
     lines = floor.lines()
     lanes, notes = _lanes(floor, lines, where)
+    floor.check_docks(lanes)
     allow_reverse = floor.backwards
     site = site_from_plan(lines, name=name, allow_reverse=allow_reverse, lanes=lanes, where=where)
     names = floor.names(site)
@@ -215,7 +216,8 @@ class _Floor:
 
     def _arm_side_of(self, station: LayoutStation, cell: Cell, open_cells: set[Cell]) -> int | None:
         """The heading in which a station has room for an arm: beside the lane, and where the layout has the station."""
-        lanes = {heading for heading in range(4) for other in [_beside(cell, heading)] if self._joined(cell, other)}
+        entered = {heading % 2 for heading in range(4) if (_beside(cell, (heading + 2) % 4), cell) in self.lanes}
+        left = {heading for heading in range(4) if (cell, _beside(cell, heading)) in self.lanes}
         node = self._nodes[station.node]
         found = []
         for heading in range(4):
@@ -225,11 +227,23 @@ class _Floor:
             towards = 0.0
             if station.x is not None and station.y is not None:
                 towards = (station.x - node.x) * DCOL[heading] - (station.y - node.y) * DROW[heading]
-            found.append(((heading + 2) % 4 in lanes, -round(towards, 3), heading))
+            # Not before the nose of a car that has come in, and rather not where one turns away from.
+            found.append((heading % 2 in entered, (heading + 2) % 4 in left, -round(towards, 3), heading))
         return min(found)[-1] if found else None
 
-    def _joined(self, cell: Cell, other: Cell) -> bool:
-        return (cell, other) in self.lanes or (other, cell) in self.lanes
+    def check_docks(self, lanes: npt.NDArray[np.int32]) -> None:
+        """Docks have one way in.
+
+        Raises:
+            LayoutError: One has several.
+        """
+        for (row, col), stations in self._at_cell.items():
+            n_entries = int((lanes[:, 1] == row * self.cols + col).sum())
+            if stations and n_entries > 1:
+                raise LayoutError(
+                    f"{self._where}: station {stations[0].name!r} at {_cell_name((row, col))} has {n_entries} ways in; "
+                    "valid: one, so that cars come past its arm"
+                )
 
     def lines(self) -> list[str]:
         """The drawing: cells of lanes, what stands there, a wall round all, the rest kept clear."""

@@ -1,5 +1,6 @@
 """Layouts from elsewhere become sites where they lie on a grid, and say what was changed."""
 
+import json
 import os
 from dataclasses import replace
 from pathlib import Path
@@ -7,9 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from maps.grid import GridMap
+from maps.grid import EAST, GridMap
 from maps.layouts.from_site import layout_of_cells, layout_of_states
 from maps.layouts.layout import Layout, LayoutEdge, LayoutError, LayoutNode, LayoutStation
+from maps.layouts.lif import read_lif, write_lif
 from maps.layouts.rmf_building import navigation_graphs
 from maps.layouts.rmf_graph import read_graph
 from maps.layouts.to_site import site_of_layout
@@ -101,6 +103,30 @@ def test_a_dead_end_is_left_out_and_named():
     assert len(found.site.lanes) == 24
 
 
+def test_only_what_is_open_to_one_vehicle_comes_in():
+    content = json.loads(write_lif(load_site("cell")))
+    layout = content["layouts"][0]
+    other = {**layout["nodes"][0], "nodeId": "ramp", "vehicleTypeNodeProperties": [{"vehicleTypeId": "forklift"}]}
+    layout["nodes"].append(other)
+    way = {**layout["edges"][0], "edgeId": "ramp way", "endNodeId": "ramp"}
+    way["vehicleTypeEdgeProperties"] = [{"vehicleTypeId": "forklift", "rotationAllowed": True}]
+    layout["edges"].append(way)
+    layout["stations"].append({"stationId": "dock gate", "interactionNodeIds": ["ramp"], "stationDescription": "pick"})
+    found = made(read_lif(json.dumps(content), "file"))
+    assert np.array_equal(found.site.lanes, load_site("cell").lanes)
+    assert found.site.stations == load_site("cell").stations
+
+
+def test_an_arm_never_stands_before_the_nose_of_a_car():
+    """A dock in a corner: the car comes in eastwards and leaves to the north."""
+    layout = ring()
+    corner = (LayoutStation(name="in", use="pick", node="n3"), layout.stations[1])
+    found = made(replace(layout, stations=corner))
+    (place,) = [station for station in found.site.stations if station.kind == "pick"]
+    assert place.dock.heading == EAST
+    assert place.arm.pose[1] == pytest.approx(place.dock.pose[1] - 0.6)
+
+
 def test_stations_keep_what_is_not_usual():
     site = load_site("small")
     layout = layout_of_states(site)
@@ -158,6 +184,19 @@ BROKEN = {
             stations=(replace(r.stations[0], node="aside"), r.stations[1]),
         ),
         ["station 'goods in' is at node 'aside', which no edge joins"],
+    ),
+    "two ways in": (
+        lambda r: replace(
+            r,
+            nodes=(*r.nodes, LayoutNode(name="side", x=2.0, y=-2.0)),
+            edges=(
+                *r.edges,
+                LayoutEdge(name="in", start="side", end="n1"),
+                LayoutEdge(name="out", start="n1", end="side"),
+                LayoutEdge(name="back", start="side", end="n1", backwards=True),
+            ),
+        ),
+        ["station 'goods in' at row 9, column 5 has 2 ways in; valid: one"],
     ),
     "no drop": (lambda r: replace(r, stations=r.stations[:1]), ["no drop dock"]),
     "cut off": (
