@@ -1,4 +1,4 @@
-"""Fields: what stands in a file of a layout, checked against what a format has, with messages that say where."""
+"""FormatFields: what stands in a file of a layout, checked against what a format has, with messages that say where."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ Coordinate = Annotated[float, Field(allow_inf_nan=False, ge=-MOST_M, le=MOST_M)]
 Angle = Annotated[float, Field(allow_inf_nan=False, ge=-1e3, le=1e3)]
 
 
-class Fields(BaseModel):
+class FormatFields(BaseModel):
     """A group of fields of a format; those that are not read may hold anything."""
 
     model_config = ConfigDict(extra="ignore", frozen=True, coerce_numbers_to_str=True)
 
 
-Read = TypeVar("Read", bound=Fields)
+Read = TypeVar("Read", bound=FormatFields)
 
 
 def read_fields(model: type[Read], content: Any, where: str) -> Read:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from maps.layouts.layout import Layout, LayoutError
+from maps.layouts.layout import FloorLayout, LayoutError
 from maps.layouts.lif import read_lif, write_lif
 from maps.layouts.nav2 import read_nav2, write_nav2
 from maps.layouts.opentcs import read_opentcs, write_opentcs
@@ -21,7 +21,7 @@ class LayoutFormat:
     title: str
     endings: tuple[str, ...]
     """Of names of files, lower case."""
-    read: Callable[[str, str], Layout]
+    read: Callable[[str, str], FloorLayout]
     """From text; the second argument opens every message."""
     write: Callable[[Site], str]
     headings: bool

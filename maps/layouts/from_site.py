@@ -7,12 +7,12 @@ from collections.abc import Iterable
 
 from maps.grid import HEADING_NAMES
 from maps.lane_graph import LaneGraph, MoveKind, build_lane_graph
-from maps.layouts.layout import Layout, LayoutEdge, LayoutNode, LayoutStation, Point
+from maps.layouts.layout import FloorLayout, LayoutEdge, LayoutNode, LayoutStation, Point
 from maps.site import Site
 from maps.vehicle import TURN_RADIUS_M
 
 
-def layout_of_states(site: Site) -> Layout:
+def layout_of_states(site: Site) -> FloorLayout:
     """A site with a node for each way to stand in a cell, and an edge for each move with its true curve.
 
     Args:
@@ -54,10 +54,10 @@ def layout_of_states(site: Site) -> Layout:
         )
     )
     docks = {station.name: names[graph.state_at(station.dock.cell, station.dock.heading)] for station in site.stations}
-    return Layout(name=site.name, nodes=nodes, edges=edges, stations=tuple(_stations(site, docks)))
+    return FloorLayout(name=site.name, nodes=nodes, edges=edges, stations=tuple(_stations(site, docks)))
 
 
-def layout_of_cells(site: Site) -> Layout:
+def layout_of_cells(site: Site) -> FloorLayout:
     """A site with a node in the middle of each cell, and an edge for each lane, for formats without headings.
 
     Args:
@@ -90,7 +90,7 @@ def layout_of_cells(site: Site) -> Layout:
         for start, end, backwards in ways
     )
     docks = {station.name: name_of[station.dock.cell] for station in site.stations}
-    return Layout(name=site.name, nodes=nodes, edges=edges, stations=tuple(_stations(site, docks)))
+    return FloorLayout(name=site.name, nodes=nodes, edges=edges, stations=tuple(_stations(site, docks)))
 
 
 def _stations(site: Site, docks: dict[str, str]) -> Iterable[LayoutStation]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from maps.layouts.layout import Layout, LayoutError
+from maps.layouts.layout import FloorLayout, LayoutError
 from maps.stations import NOSE_GAP_M
 from maps.vehicle import BODY_FRONT_M, ENTRY_INSET_M
 
@@ -49,7 +49,7 @@ class Lattice:
     """Greatest distance of a node from its place on the grid."""
 
 
-def fit_lattice(layout: Layout, where: str) -> Lattice:
+def fit_lattice(layout: FloorLayout, where: str) -> Lattice:
     """Find the grid.
 
     Nodes are the middles of squares, or, if all of them have headings, where the rear axle of a car stands that has
@@ -123,7 +123,7 @@ def _grid(xy: Floats, ahead: Floats, pitch: float, *, at_entry: bool) -> _Grid:
     return _Grid(pitch_m=pitch, place=place, deeper_m=deeper, off_m=np.abs(off).max(axis=1))
 
 
-def _headings(layout: Layout) -> Ints:
+def _headings(layout: FloorLayout) -> Ints:
     """Quarter of each node's yaw, -1 for none or where it is none of the four."""
     found = []
     for node in layout.nodes:
@@ -133,7 +133,7 @@ def _headings(layout: Layout) -> Ints:
     return np.array(found, dtype=np.int64)
 
 
-def _pitches(layout: Layout) -> list[float]:
+def _pitches(layout: FloorLayout) -> list[float]:
     """A metre, then the lengths of edges along x or y, from the shortest on that has room for a car."""
     at = {node.name: (node.x, node.y) for node in layout.nodes}
     lengths = set()

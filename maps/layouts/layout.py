@@ -1,4 +1,4 @@
-"""Layout: nodes, edges and stations of a floor as the formats of fleet managers have them, on no grid."""
+"""FloorLayout: nodes, edges and stations of a floor as the formats of fleet managers have them, on no grid."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ class LayoutStation:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Layout:
+class FloorLayout:
     """A floor."""
 
     name: str
@@ -76,7 +76,7 @@ class Layout:
     stations: tuple[LayoutStation, ...] = ()
 
 
-def checked_layout(layout: Layout, where: str) -> Layout:
+def checked_layout(layout: FloorLayout, where: str) -> FloorLayout:
     """Check that names are used once and that edges and stations name nodes.
 
     Args:

@@ -13,9 +13,18 @@ import math
 from itertools import pairwise
 from typing import Any, Literal
 
-from maps.layouts.fields import Angle, Coordinate, Fields, read_fields
+from maps.layouts.fields import Angle, Coordinate, FormatFields, read_fields
 from maps.layouts.from_site import layout_of_states
-from maps.layouts.layout import Layout, LayoutEdge, LayoutError, LayoutNode, LayoutStation, Point, Use, checked_layout
+from maps.layouts.layout import (
+    FloorLayout,
+    LayoutEdge,
+    LayoutError,
+    LayoutNode,
+    LayoutStation,
+    Point,
+    Use,
+    checked_layout,
+)
 from maps.reading.shown import shown
 from maps.reading.text_file import FileError, parse_json
 from maps.site import Site
@@ -31,42 +40,42 @@ _PARKING = "parking"
 _SPEED_MPS = 1.0
 
 
-class _Position(Fields):
+class _Position(FormatFields):
     x: Coordinate
     y: Coordinate
     theta: Angle | None = None
 
 
-class _Action(Fields):
+class _Action(FormatFields):
     actionType: str
 
 
-class _NodeOfVehicle(Fields):
+class _NodeOfVehicle(FormatFields):
     vehicleTypeId: str
     theta: Angle | None = None
     actions: tuple[_Action, ...] = ()
 
 
-class _Node(Fields):
+class _Node(FormatFields):
     nodeId: str
     nodePosition: _Position
     vehicleTypeNodeProperties: tuple[_NodeOfVehicle, ...]
 
 
-class _EdgeOfVehicle(Fields):
+class _EdgeOfVehicle(FormatFields):
     vehicleTypeId: str
     vehicleOrientation: Angle = 0.0
     orientationType: Literal["GLOBAL", "TANGENTIAL"] = "TANGENTIAL"
 
 
-class _Edge(Fields):
+class _Edge(FormatFields):
     edgeId: str
     startNodeId: str
     endNodeId: str
     vehicleTypeEdgeProperties: tuple[_EdgeOfVehicle, ...]
 
 
-class _Station(Fields):
+class _Station(FormatFields):
     stationId: str
     interactionNodeIds: tuple[str, ...]
     stationDescription: str = ""
@@ -74,7 +83,7 @@ class _Station(Fields):
     stationPosition: _Position | None = None
 
 
-class _Layout(Fields):
+class _Layout(FormatFields):
     layoutId: str
     layoutLevelId: str = ""
     nodes: tuple[_Node, ...]
@@ -82,11 +91,11 @@ class _Layout(Fields):
     stations: tuple[_Station, ...]
 
 
-class _Meta(Fields):
+class _Meta(FormatFields):
     lifVersion: str
 
 
-class _File(Fields):
+class _File(FormatFields):
     metaInformation: _Meta
     layouts: tuple[_Layout, ...]
 
@@ -132,7 +141,7 @@ def write_lif(site: Site) -> str:
     return json.dumps(content, indent=1, ensure_ascii=False) + "\n"
 
 
-def read_lif(text: str, where: str) -> Layout:
+def read_lif(text: str, where: str) -> FloorLayout:
     """Read LIF 1.0.x; of several types of vehicles the first that is named at an edge counts, and what is open to it.
 
     Args:
@@ -156,7 +165,9 @@ def read_lif(text: str, where: str) -> Layout:
         names = ", ".join(layout.layoutId for layout in file.layouts) or "none"
         raise LayoutError(f"{where}: layouts are {names}; valid: one layout, as a site has one floor")
     layout = file.layouts[0]
-    vehicle = next((of.vehicleTypeId for edge in layout.edges for of in edge.vehicleTypeEdgeProperties), "")
+    named = [of.vehicleTypeId for edge in layout.edges for of in edge.vehicleTypeEdgeProperties]
+    named += [of.vehicleTypeId for node in layout.nodes for of in node.vehicleTypeNodeProperties]
+    vehicle = named[0] if named else ""
     uses: dict[str, set[str]] = {}
     closed: set[str] = set()
     nodes = []
@@ -198,7 +209,7 @@ def read_lif(text: str, where: str) -> Layout:
         LayoutNode(**{**vars(node), "parking": node.name in marks["parking"], "charger": node.name in marks["charger"]})
         for node in nodes
     )
-    made = Layout(name=layout.layoutId, nodes=marked, edges=tuple(edges), stations=tuple(stations))
+    made = FloorLayout(name=layout.layoutId, nodes=marked, edges=tuple(edges), stations=tuple(stations))
     return checked_layout(made, where)
 
 

@@ -11,9 +11,9 @@ from __future__ import annotations
 import json
 from typing import Any, Literal
 
-from maps.layouts.fields import Angle, Coordinate, Fields, read_fields
+from maps.layouts.fields import Angle, Coordinate, FormatFields, read_fields
 from maps.layouts.from_site import layout_of_states
-from maps.layouts.layout import Layout, LayoutEdge, LayoutError, LayoutNode, LayoutStation, checked_layout
+from maps.layouts.layout import FloorLayout, LayoutEdge, LayoutError, LayoutNode, LayoutStation, checked_layout
 from maps.reading.shown import shown
 from maps.reading.text_file import FileError, parse_json
 from maps.site import Site
@@ -22,7 +22,7 @@ _FRAME = "map"
 _VALID = "a route graph of Nav2, a GeoJSON FeatureCollection of points and lines"
 
 
-class _KeptStation(Fields):
+class _KeptStation(FormatFields):
     name: str
     use: Literal["pick", "drop"]
     x: Coordinate
@@ -31,7 +31,7 @@ class _KeptStation(Fields):
     height_m: float
 
 
-class _Metadata(Fields):
+class _Metadata(FormatFields):
     name: str = ""
     yaw: Angle | None = None
     use: str = ""
@@ -39,29 +39,29 @@ class _Metadata(Fields):
     backwards: bool = False
 
 
-class _PointGeometry(Fields):
+class _PointGeometry(FormatFields):
     type: Literal["Point"]
     coordinates: tuple[Coordinate, Coordinate]
 
 
-class _PointProperties(Fields):
+class _PointProperties(FormatFields):
     id: int
     metadata: _Metadata = _Metadata()
 
 
-class _PointFeature(Fields):
+class _PointFeature(FormatFields):
     properties: _PointProperties
     geometry: _PointGeometry
 
 
-class _EdgeProperties(Fields):
+class _EdgeProperties(FormatFields):
     id: int
     startid: int
     endid: int
     metadata: _Metadata = _Metadata()
 
 
-class _EdgeFeature(Fields):
+class _EdgeFeature(FormatFields):
     properties: _EdgeProperties
 
 
@@ -108,7 +108,7 @@ def write_nav2(site: Site) -> str:
     return json.dumps(content, indent=1, ensure_ascii=False) + "\n"
 
 
-def read_nav2(text: str, where: str) -> Layout:
+def read_nav2(text: str, where: str) -> FloorLayout:
     """Read a route graph.
 
     Args:
@@ -149,7 +149,7 @@ def read_nav2(text: str, where: str) -> Layout:
             name = edge.metadata.name or str(edge.id)
             edges.append(LayoutEdge(name=name, start=ends[0], end=ends[1], backwards=edge.metadata.backwards))
     title = content.get("name")
-    made = Layout(
+    made = FloorLayout(
         name=title if isinstance(title, str) and title else "route_graph",
         nodes=tuple(nodes),
         edges=tuple(edges),

@@ -12,9 +12,18 @@ from __future__ import annotations
 import math
 from xml.etree import ElementTree
 
-from maps.layouts.fields import MOST_M, Fields, read_fields
+from maps.layouts.fields import MOST_M, FormatFields, read_fields
 from maps.layouts.from_site import layout_of_states
-from maps.layouts.layout import Layout, LayoutEdge, LayoutError, LayoutNode, LayoutStation, Point, Use, checked_layout
+from maps.layouts.layout import (
+    FloorLayout,
+    LayoutEdge,
+    LayoutError,
+    LayoutNode,
+    LayoutStation,
+    Point,
+    Use,
+    checked_layout,
+)
 from maps.reading.shown import shown
 from maps.site import Site
 from maps.vehicle import BODY_FRONT_M
@@ -39,7 +48,7 @@ _TYPES: dict[str, tuple[str, str]] = {
 """Type of location -> what can be done there, and its symbol."""
 
 
-class _Point(Fields):
+class _Point(FormatFields):
     name: str
     positionX: float
     positionY: float
@@ -47,7 +56,7 @@ class _Point(Fields):
     type: str
 
 
-class _Path(Fields):
+class _Path(FormatFields):
     name: str
     sourcePoint: str
     destinationPoint: str
@@ -56,14 +65,14 @@ class _Path(Fields):
     maxReverseVelocity: float
 
 
-class _Location(Fields):
+class _Location(FormatFields):
     name: str
     positionX: float
     positionY: float
     type: str
 
 
-class _Property(Fields):
+class _Property(FormatFields):
     name: str
     value: str
 
@@ -97,7 +106,7 @@ def write_opentcs(site: Site) -> str:
     return ElementTree.tostring(model, encoding="unicode", xml_declaration=True) + "\n"
 
 
-def read_opentcs(text: str, where: str) -> Layout:
+def read_opentcs(text: str, where: str) -> FloorLayout:
     """Read a plant model of version 6 or 7.
 
     A location is a pick station if something can be loaded there, a drop station if something can be unloaded; where
@@ -150,7 +159,7 @@ def read_opentcs(text: str, where: str) -> Layout:
             properties = [read_fields(_Property, found.attrib, at) for found in element.iter("property")]
             known = {found.name: found.value for found in properties}
             stations.append(_station(location, use, point, known, at))
-    made = Layout(
+    made = FloorLayout(
         name=model.get("name", "model"),
         nodes=tuple(LayoutNode(**{**vars(node), "charger": node.name in chargers}) for node in nodes),
         edges=tuple(edges),
@@ -240,7 +249,7 @@ def _mm(value_m: float) -> str:
     return str(round(value_m * 1e3))
 
 
-def _add_points(model: ElementTree.Element, layout: Layout) -> None:
+def _add_points(model: ElementTree.Element, layout: FloorLayout) -> None:
     leaving: dict[str, list[str]] = {}
     for edge in layout.edges:
         if not edge.backwards:
@@ -270,7 +279,7 @@ def _add_points(model: ElementTree.Element, layout: Layout) -> None:
         ElementTree.SubElement(point, "pointLayout", labelOffsetX="-10", labelOffsetY="-20", layerId="0")
 
 
-def _add_paths(model: ElementTree.Element, layout: Layout) -> None:
+def _add_paths(model: ElementTree.Element, layout: FloorLayout) -> None:
     back = {(edge.end, edge.start) for edge in layout.edges if edge.backwards}
     for edge in layout.edges:
         if edge.backwards:
@@ -297,7 +306,7 @@ def _add_paths(model: ElementTree.Element, layout: Layout) -> None:
             )
 
 
-def _add_locations(model: ElementTree.Element, layout: Layout) -> None:
+def _add_locations(model: ElementTree.Element, layout: FloorLayout) -> None:
     for name, (operation, symbol) in _TYPES.items():
         kind = ElementTree.SubElement(model, "locationType", name=name)
         ElementTree.SubElement(kind, "allowedOperation", name=operation)

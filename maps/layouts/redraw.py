@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
-from maps.layouts.layout import Layout, LayoutEdge, LayoutError, LayoutNode, LayoutStation
+from maps.layouts.layout import FloorLayout, LayoutEdge, LayoutError, LayoutNode, LayoutStation
 
 Cell = tuple[int, int]
 """Column, and row counted upwards."""
@@ -35,7 +35,7 @@ _MOST_CELLS = 400_000
 class Redrawn:
     """A layout on a grid."""
 
-    layout: Layout
+    layout: FloorLayout
     scale: int
     """The floor is so many times as large as before."""
     length_ratio: float
@@ -53,7 +53,7 @@ class Redrawn:
         return found
 
 
-def redrawn(layout: Layout, where: str) -> Redrawn:
+def redrawn(layout: FloorLayout, where: str) -> Redrawn:
     """Draw a layout anew on cells of 1 m; ways on which vehicles reverse are left out.
 
     Where edges lead both ways between two nodes, each way gets cells of its own.
@@ -88,7 +88,7 @@ class _Drawing:
         where: Opens every message.
     """
 
-    def __init__(self, layout: Layout, scale: int, where: str) -> None:
+    def __init__(self, layout: FloorLayout, scale: int, where: str) -> None:
         self._layout, self._scale = layout, scale
         left, below = (min(getattr(node, axis) for node in layout.nodes) for axis in "xy")
         self._nodes = {node.name: node for node in layout.nodes}

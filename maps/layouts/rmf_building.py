@@ -19,9 +19,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from maps.layouts.fields import Fields, read_fields
+from maps.layouts.fields import FormatFields, read_fields
 from maps.layouts.from_site import layout_of_cells
-from maps.layouts.layout import Layout, LayoutError
+from maps.layouts.layout import FloorLayout, LayoutError
 from maps.layouts.rmf_graph import NavGraph, NavLane, NavLevel, NavVertex, graph_of_layout, layout_of_graph
 from maps.layouts.rmf_yaml import dump_yaml, parse_yaml
 from maps.reading.shown import shown
@@ -86,7 +86,7 @@ class _Frame:
         return np.asarray(turned * self.scale + (self.x, self.y))
 
 
-class _Lift(Fields):
+class _Lift(FormatFields):
     x: float
     y: float
     yaw: float = 0.0
@@ -98,7 +98,7 @@ class _Lift(Fields):
     level_doors: Mapping[str, tuple[str, ...]] = MappingProxyType({})
 
 
-def read_building(text: str, where: str) -> Layout:
+def read_building(text: str, where: str) -> FloorLayout:
     """Read the first navigation graph of a building map, see `navigation_graphs`."""
     graphs = navigation_graphs(text, where)
     if not graphs:

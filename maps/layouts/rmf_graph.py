@@ -13,9 +13,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from maps.layouts.fields import Coordinate, Fields, read_fields
+from maps.layouts.fields import Coordinate, FormatFields, read_fields
 from maps.layouts.from_site import layout_of_cells
-from maps.layouts.layout import Layout, LayoutEdge, LayoutError, LayoutNode, LayoutStation, Use, checked_layout
+from maps.layouts.layout import FloorLayout, LayoutEdge, LayoutError, LayoutNode, LayoutStation, Use, checked_layout
 from maps.layouts.rmf_yaml import dump_yaml, parse_yaml
 from maps.reading.shown import shown
 from maps.site import Site
@@ -61,7 +61,7 @@ class NavGraph:
     levels: Mapping[str, NavLevel] = field(default_factory=dict)
 
 
-class _Facts(Fields):
+class _Facts(FormatFields):
     name: str = ""
     is_charger: bool = False
     is_parking_spot: bool = False
@@ -69,12 +69,12 @@ class _Facts(Fields):
     dropoff_ingestor: str = ""
 
 
-class _Point(Fields):
+class _Point(FormatFields):
     x: Coordinate
     y: Coordinate
 
 
-class _Lane(Fields):
+class _Lane(FormatFields):
     start: int
     end: int
     orientation_constraint: str = ""
@@ -90,7 +90,7 @@ def write_rmf(site: Site) -> str:
     return dump_yaml(graph_content(graph_of_layout(layout)))
 
 
-def read_rmf(text: str, where: str) -> Layout:
+def read_rmf(text: str, where: str) -> FloorLayout:
     """Read a navigation graph; levels without lanes are left out.
 
     Args:
@@ -148,7 +148,7 @@ def _three(row: Any, where: str, valid: str) -> tuple[Any, Any, dict[str, Any]]:
     return row[0], row[1], row[2] if len(row) > 2 else {}
 
 
-def layout_of_graph(graph: NavGraph, where: str) -> Layout:
+def layout_of_graph(graph: NavGraph, where: str) -> FloorLayout:
     """A navigation graph as a layout.
 
     Args:
@@ -188,11 +188,11 @@ def layout_of_graph(graph: NavGraph, where: str) -> Layout:
             start, end = names[lane.start], names[lane.end]
             back = lane.facts.get("orientation_constraint") == _BACKWARD
             edges.append(LayoutEdge(name=f"{level}.lanes[{k}]", start=start, end=end, backwards=back))
-    made = Layout(name=graph.building, nodes=tuple(nodes), edges=tuple(edges), stations=tuple(stations))
+    made = FloorLayout(name=graph.building, nodes=tuple(nodes), edges=tuple(edges), stations=tuple(stations))
     return checked_layout(made, where)
 
 
-def graph_of_layout(layout: Layout) -> NavGraph:
+def graph_of_layout(layout: FloorLayout) -> NavGraph:
     """A layout of cells as a navigation graph with one level.
 
     Args:

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from maps.grid import DCOL, DROW, GridMap
 from maps.lane_graph import build_lane_graph
 from maps.layouts.lattice import CELL_M, Lattice, fit_lattice
-from maps.layouts.layout import Layout, LayoutEdge, LayoutError, LayoutNode, LayoutStation
+from maps.layouts.layout import FloorLayout, LayoutEdge, LayoutError, LayoutNode, LayoutStation
 from maps.orientation import orient_lanes, path_lengths
 from maps.plan import parse_plan
 from maps.site import Site, site_from_plan
@@ -44,7 +44,7 @@ class ImportedSite:
     """What is not as in the layout, a line each."""
 
 
-def site_of_layout(layout: Layout, *, name: str, where: str) -> ImportedSite:
+def site_of_layout(layout: FloorLayout, *, name: str, where: str) -> ImportedSite:
     """Make a site.
 
     Nodes become cells, edges lanes; an edge along a row or a column is as many cells long as it has to be. Where edges
@@ -94,7 +94,7 @@ class _Floor:
         where: Opens every message.
     """
 
-    def __init__(self, layout: Layout, lattice: Lattice, where: str) -> None:
+    def __init__(self, layout: FloorLayout, lattice: Lattice, where: str) -> None:
         self._layout, self._lattice, self._where = layout, lattice, where
         self.notes: list[str] = []
         left, below = (self._margin(values) for values in (lattice.col, lattice.up))

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial import Delaunay
 
-from maps.layouts.layout import Layout, LayoutEdge, LayoutError, LayoutNode, LayoutStation
+from maps.layouts.layout import FloorLayout, LayoutEdge, LayoutError, LayoutNode, LayoutStation
 from maps.layouts.opentcs import read_opentcs
 from maps.layouts.redraw import redrawn
 from maps.layouts.rmf_building import read_building
@@ -30,7 +30,7 @@ def planar(seed, n=9, both=False, kept=1.0):
     ends += [pair[::-1] for pair in ends] if both else []
     nodes = tuple(LayoutNode(name=f"n{k}", x=x, y=y) for k, (x, y) in enumerate(xy.tolist()))
     edges = tuple(LayoutEdge(name=f"{a}>{b}", start=f"n{a}", end=f"n{b}") for a, b in ends)
-    return Layout(name="planar", nodes=nodes, edges=edges)
+    return FloorLayout(name="planar", nodes=nodes, edges=edges)
 
 
 def direct(layout, names):
@@ -82,7 +82,7 @@ def test_ways_that_cannot_be_told_apart_are_refused_by_name():
     around = [LayoutNode(name=f"n{k}", x=x, y=y) for k, (x, y) in enumerate(places)]
     far = LayoutNode(name="far", x=20.0, y=0.0)
     edges = (LayoutEdge(name="shut in", start="middle", end="far"),)
-    layout = Layout(name="crowd", nodes=(middle, *around, far), edges=edges)
+    layout = FloorLayout(name="crowd", nodes=(middle, *around, far), edges=edges)
     with pytest.raises(LayoutError, match=r"file: no way was found for edge 'shut in'.*; valid: "):
         redrawn(layout, "file")
 

@@ -10,7 +10,7 @@ import pytest
 
 from maps.grid import EAST, GridMap
 from maps.layouts.from_site import layout_of_cells, layout_of_states
-from maps.layouts.layout import Layout, LayoutEdge, LayoutError, LayoutNode, LayoutStation
+from maps.layouts.layout import FloorLayout, LayoutEdge, LayoutError, LayoutNode, LayoutStation
 from maps.layouts.lif import read_lif, write_lif
 from maps.layouts.rmf_building import navigation_graphs
 from maps.layouts.rmf_graph import read_graph
@@ -46,7 +46,7 @@ def ring(side=6.0, step=2.0):
         LayoutStation(name="goods in", use="pick", node="n1"),
         LayoutStation(name="goods out", use="drop", node=f"n{2 * n + 1}"),
     )
-    return Layout(name="ring", nodes=nodes, edges=edges, stations=stations)
+    return FloorLayout(name="ring", nodes=nodes, edges=edges, stations=stations)
 
 
 def test_edges_are_as_many_cells_long_as_they_are_metres():
