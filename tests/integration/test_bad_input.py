@@ -288,7 +288,7 @@ def test_a_refused_run_leaves_earlier_results_alone(tmp_path: Path, capsys: pyte
             ["frob"],
             [
                 "'frob'",
-                "demo, diff, evaluate, fit, gap, lorr, mend, plan, play, replay",
+                "demo, diff, evaluate, export, fit, gap, lorr, mend, plan, play, replay",
                 "report, shot, study, train, view, why, site",
             ],
         ),
