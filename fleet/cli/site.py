@@ -199,6 +199,8 @@ class SiteImport:
     """The site file to write."""
     format: FORMATS | None = None
     """What the file is; default: what its name says."""
+    level: str | None = None
+    """Of several levels the one that becomes the site."""
     redraw: bool = False
     """Draw the ways anew, cell by cell, if nodes lie on no grid: what leads where stays, lengths do not."""
     grip: Grip | None = None
@@ -207,16 +209,19 @@ class SiteImport:
     def run(self) -> int:
         """Write the file; a site whose arms cannot serve their stations raises."""
         from maps.layouts.formats import LAYOUT_FORMATS, format_of
+        from maps.layouts.layout import one_level
         from maps.layouts.redraw import redrawn
         from maps.layouts.to_site import site_of_layout
         from maps.reading.text_file import read_text
 
         layout_format = LAYOUT_FORMATS[self.format or format_of(self.file.name)]
         text = read_text(self.file, str(self.file), valid=layout_format.title)
-        layout, notes = layout_format.read(text, str(self.file)), []
+        layout = one_level(layout_format.read(text, str(self.file)), self.level, str(self.file))
+        notes: list[str] = []
         if self.redraw:
             drawn = redrawn(layout, str(self.file))
-            layout, notes = drawn.layout, drawn.notes()
+            layout = drawn.layout
+            notes += drawn.notes()
         made = site_of_layout(layout, name=self.out.stem, where=str(self.file))
         _require_reach(_unreached(made.site, self.grip))
         status = _save(made.site, self.out)

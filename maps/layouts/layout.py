@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias
 
 from maps.errors import MapsError
@@ -103,6 +103,35 @@ def checked_layout(layout: FloorLayout, where: str) -> FloorLayout:
         if station.node not in nodes:
             raise LayoutError(f"{where}: station {station.name!r} is at {station.node!r}; valid: {_some(nodes)}")
     return layout
+
+
+def one_level(layout: FloorLayout, level: str | None, where: str) -> FloorLayout:
+    """The part of a layout on one storey; ways from one to another are left out.
+
+    Args:
+        layout: A layout.
+        level: Name of the level; None = the only one that there is.
+        where: Opens every message.
+
+    Raises:
+        LayoutError: There are several and none is named, or none has this name.
+    """
+    levels = sorted({node.level for node in layout.nodes})
+    if level is None and len(levels) == 1:
+        return layout
+    if level not in levels:
+        named = f"level {level!r} is not there" if level is not None else f"levels {', '.join(levels)}"
+        raise LayoutError(
+            f"{where}: {named}; valid: one level (--level), of {', '.join(filter(None, levels)) or 'none'}"
+        )
+    nodes = tuple(node for node in layout.nodes if node.level == level)
+    names = {node.name for node in nodes}
+    return replace(
+        layout,
+        nodes=nodes,
+        edges=tuple(edge for edge in layout.edges if edge.start in names and edge.end in names),
+        stations=tuple(station for station in layout.stations if station.node in names),
+    )
 
 
 def _some(names: set[str]) -> str:

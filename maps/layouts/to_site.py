@@ -13,7 +13,7 @@ import numpy.typing as npt
 from maps.grid import DCOL, DROW, GridMap
 from maps.lane_graph import build_lane_graph
 from maps.layouts.lattice import CELL_M, Lattice, fit_lattice
-from maps.layouts.layout import FloorLayout, LayoutEdge, LayoutError, LayoutNode, LayoutStation
+from maps.layouts.layout import FloorLayout, LayoutEdge, LayoutError, LayoutNode, LayoutStation, one_level
 from maps.orientation import orient_lanes, path_lengths
 from maps.plan import parse_plan
 from maps.site import Site, site_from_plan
@@ -60,9 +60,7 @@ def site_of_layout(layout: FloorLayout, *, name: str, where: str) -> ImportedSit
             another node or crosses another edge, or a station has no room for its arm or several ways in.
         SiteError: The site cannot work, see `maps.site.site_from_plan`.
     """
-    levels = sorted({node.level for node in layout.nodes})
-    if len(levels) > 1:
-        raise LayoutError(f"{where}: levels {', '.join(levels)}; valid: one level, as a site has one floor")
+    layout = one_level(layout, None, where)
     lattice = fit_lattice(layout, where)
     floor = _Floor(layout, lattice, where)
     floor.draw_edges()

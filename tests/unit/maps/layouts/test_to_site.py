@@ -10,7 +10,7 @@ import pytest
 
 from maps.grid import EAST, GridMap
 from maps.layouts.from_site import layout_of_cells, layout_of_states
-from maps.layouts.layout import FloorLayout, LayoutEdge, LayoutError, LayoutNode, LayoutStation
+from maps.layouts.layout import FloorLayout, LayoutEdge, LayoutError, LayoutNode, LayoutStation, one_level
 from maps.layouts.lif import read_lif, write_lif
 from maps.layouts.rmf_building import navigation_graphs
 from maps.layouts.rmf_graph import read_graph
@@ -103,6 +103,17 @@ def test_a_dead_end_is_left_out_and_named():
     assert len(found.site.lanes) == 24
 
 
+def test_one_of_several_levels():
+    layout = ring()
+    nodes = tuple(replace(node, level="L1") for node in layout.nodes)
+    upstairs = (LayoutNode(name="up", x=90.3, y=1.1, level="L2"), LayoutNode(name="top", x=95.0, y=1.7, level="L2"))
+    edges = (LayoutEdge(name="lift", start="n0", end="up"), LayoutEdge(name="hall", start="up", end="top"))
+    both = replace(layout, nodes=nodes + upstairs, edges=layout.edges + edges)
+    assert len(made(one_level(both, "L1", "file")).site.lanes) == 24
+    with pytest.raises(LayoutError, match=r"file: level 'L3' is not there; valid: one level \(--level\), of L1, L2"):
+        one_level(both, "L3", "file")
+
+
 def test_only_what_is_open_to_one_vehicle_comes_in():
     content = json.loads(write_lif(load_site("cell")))
     layout = content["layouts"][0]
@@ -175,7 +186,7 @@ BROKEN = {
     ),
     "levels": (
         lambda r: replace(r, nodes=(replace(r.nodes[0], level="L2"), *r.nodes[1:])),
-        ["levels , L2; valid: one level"],
+        ["levels , L2; valid: one level (--level), of L2"],
     ),
     "station aside": (
         lambda r: replace(
