@@ -120,7 +120,7 @@ def read_opentcs(text: str, where: str) -> FloorLayout:
         LayoutError: It is no XML, another document or version, or malformed.
     """
     try:
-        model = ElementTree.fromstring(text.encode())
+        model = ElementTree.fromstring(text)
     except ElementTree.ParseError as error:
         line, column = error.position
         lines = text.splitlines() or [""]

@@ -5,6 +5,7 @@ import pytest
 from benchmarks.interop.broken import BROKEN, refusal, well_said
 from maps.layouts.formats import LAYOUT_FORMATS, format_of
 from maps.layouts.layout import LayoutError
+from maps.site import load_site
 
 
 @pytest.mark.parametrize("case", range(len(BROKEN)), ids=lambda k: f"{BROKEN[k][0]}-{k}")
@@ -33,3 +34,8 @@ def test_a_format_is_told_by_the_name_of_the_file(file, name):
 def test_a_name_that_says_nothing_is_refused():
     with pytest.raises(LayoutError, match=r"floor.dwg: the name says no format; valid: --format lif\|opentcs"):
         format_of("floor.dwg")
+
+
+def test_an_encoding_that_there_is_not_does_not_matter_to_a_text():
+    text = LAYOUT_FORMATS["opentcs"].write(load_site("cell"))
+    assert LAYOUT_FORMATS["opentcs"].read(text.replace("utf-8", "utf-8nan", 1), "file").name == "cell"
