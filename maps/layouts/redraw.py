@@ -104,10 +104,14 @@ class _Drawing:
         self.cols, self.rows = (max(cell[axis] for cell in taken) + _ROOM + 1 for axis in (0, 1))
         if self.cols * self.rows > _MOST_CELLS:
             raise LayoutError(f"{where}: {self.cols} x {self.rows} cells; valid: {_MOST_CELLS} in all, metres as units")
-        for station in layout.stations:
-            self._kept |= set(self._room_of(station))
+        self._sides = {station.node: self._side_of(station) for station in layout.stations}
+        for name, (right, up) in self._sides.items():
+            col, row = self._at[name]
+            # The arm, and its slots to both sides of it.
+            self._kept |= {(col + right + k * up, row + up + k * right) for k in (-1, 0, 1)}
         self._kept -= taken
-        self._docks = {self._at[station.node] for station in layout.stations}
+        self._docks = {self._at[name]: side for name, side in self._sides.items()}
+        """The side of the arm of each dock."""
         self._sources: dict[Cell, set[str]] = defaultdict(set)
         self._targets: dict[Cell, set[str]] = defaultdict(set)
         self._across: dict[Cell, set[int]] = defaultdict(set)
@@ -115,14 +119,23 @@ class _Drawing:
         self._lanes: set[tuple[Cell, Cell]] = set()
         self._ways: dict[str, list[Cell]] = {}
 
-    def _room_of(self, station: LayoutStation) -> Iterator[Cell]:
-        """Cells for the arm of a station and its slots, on the side on which the layout has the station."""
-        node, (col, row) = self._nodes[station.node], self._at[station.node]
-        off_x = 0.0 if station.x is None else station.x - node.x
-        off_y = 0.0 if station.y is None else station.y - node.y
-        side = max(_STEPS, key=lambda step: off_x * step[0] + off_y * step[1])
-        for k in (-1, 0, 1):
-            yield col + side[0] + k * side[1], row + side[1] + k * side[0]
+    def _side_of(self, station: LayoutStation) -> Cell:
+        """The step to where an arm will stand: on the side on which the layout has the station, away from ways."""
+        node = self._nodes[station.node]
+        off = (0.0 if station.x is None else station.x - node.x), (0.0 if station.y is None else station.y - node.y)
+        ways = []
+        for edge in self._layout.edges:
+            for end, other in ((edge.start, edge.end), (edge.end, edge.start)):
+                if end == station.node:
+                    ways.append((self._nodes[other].x - node.x, self._nodes[other].y - node.y))
+
+        def along(step: Cell, way: tuple[float, float]) -> float:
+            length = math.hypot(*way)
+            return (step[0] * way[0] + step[1] * way[1]) / length if length else 0.0
+
+        return max(
+            _STEPS, key=lambda step: along(step, off) - 0.5 * max((along(step, way) for way in ways), default=0.0)
+        )
 
     def lead_all(self) -> LayoutEdge | None:
         """Find a way for each edge; returns the first that has none."""
@@ -173,11 +186,8 @@ class _Drawing:
 
     def _moved_stations(self) -> Iterator[LayoutStation]:
         for station in self._layout.stations:
-            node, (col, row) = self._nodes[station.node], self._at[station.node]
-            # Only the side on which it stands is kept.
-            x = None if station.x is None else col + 0.5 + station.x - node.x
-            y = None if station.y is None else row + 0.5 + station.y - node.y
-            yield replace(station, x=x, y=y, yaw=None)
+            (col, row), (right, up) = self._at[station.node], self._sides[station.node]
+            yield replace(station, x=col + 0.5 + right, y=row + 0.5 + up, yaw=None)
 
     def _length(self, edge: LayoutEdge) -> float:
         start, end = self._nodes[edge.start], self._nodes[edge.end]
@@ -230,6 +240,8 @@ class _Drawing:
                     to in blocked and to not in leaves
                 ):
                     continue
+                if to in self._docks and turn % 2 == _STEPS.index(self._docks[to]) % 2:
+                    continue  # a car would come in with its nose to the arm, or its tail
                 if any(lane[::-1] in self._lanes for lane in pairwise((cell, *over, to))):
                     continue
                 bend = _BEND if heading >= 0 and turn != heading else 0.0

@@ -7,6 +7,8 @@ from typing import Any
 from maps.layouts.layout import LayoutError
 from maps.reading.shown import shown
 
+EXTRA = "pip install '.[rmf]'"
+
 
 def parse_yaml(text: str, where: str, *, valid: str) -> dict[str, Any]:
     """Read YAML whose root is a mapping.
@@ -45,5 +47,5 @@ def _yaml() -> Any:
     try:
         import yaml
     except ImportError as error:
-        raise LayoutError("the formats of Open-RMF need PyYAML; install it with: pip install 'fleet[rmf]'") from error
+        raise LayoutError(f"the formats of Open-RMF need PyYAML, which is not installed; valid: {EXTRA}") from error
     return yaml

@@ -214,7 +214,7 @@ class _Floor:
 
     def _arm_side_of(self, station: LayoutStation, cell: Cell, open_cells: set[Cell]) -> int | None:
         """The heading in which a station has room for an arm: beside the lane, and where the layout has the station."""
-        entered = {heading % 2 for heading in range(4) if (_beside(cell, (heading + 2) % 4), cell) in self.lanes}
+        entered = {heading for heading in range(4) if (_beside(cell, (heading + 2) % 4), cell) in self.lanes}
         left = {heading for heading in range(4) if (cell, _beside(cell, heading)) in self.lanes}
         node = self._nodes[station.node]
         found = []
@@ -222,11 +222,15 @@ class _Floor:
             row, col = beside = _beside(cell, heading)
             if not (0 <= row < self.rows and 0 <= col < self.cols) or beside in open_cells or beside in self._marks:
                 continue
+            before_nose = heading % 2 in {way % 2 for way in entered}
+            # Where the way out is a turn, cars stand farther back, and so does the arm with its slots.
+            crowded = not entered & left and any(
+                _beside(beside, (heading + quarter) % 4) in open_cells for quarter in (1, 3)
+            )
             towards = 0.0
             if station.x is not None and station.y is not None:
                 towards = (station.x - node.x) * DCOL[heading] - (station.y - node.y) * DROW[heading]
-            # Not before the nose of a car that has come in, and rather not where one turns away from.
-            found.append((heading % 2 in entered, (heading + 2) % 4 in left, -round(towards, 3), heading))
+            found.append((before_nose, crowded, -round(towards, 3), (heading + 2) % 4 in left, heading))
         return min(found)[-1] if found else None
 
     def check_docks(self, lanes: npt.NDArray[np.int32]) -> None:

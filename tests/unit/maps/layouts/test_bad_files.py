@@ -1,5 +1,7 @@
 """Files of layouts that are broken: one line each that says where, what stands there, and what is valid."""
 
+import builtins
+
 import pytest
 
 from benchmarks.interop.broken import BROKEN, refusal, well_said
@@ -39,3 +41,16 @@ def test_a_name_that_says_nothing_is_refused():
 def test_an_encoding_that_there_is_not_does_not_matter_to_a_text():
     text = LAYOUT_FORMATS["opentcs"].write(load_site("cell"))
     assert LAYOUT_FORMATS["opentcs"].read(text.replace("utf-8", "utf-8nan", 1), "file").name == "cell"
+
+
+def test_without_yaml_one_line_names_the_cure(monkeypatch):
+    import_module = builtins.__import__
+
+    def without_yaml(name, *args, **kwargs):
+        if name == "yaml":
+            raise ImportError(name)
+        return import_module(name, *args, **kwargs)
+
+    monkeypatch.setattr(builtins, "__import__", without_yaml)
+    with pytest.raises(LayoutError, match=r"need PyYAML, which is not installed; valid: pip install '.\[rmf\]'$"):
+        LAYOUT_FORMATS["rmf"].write(load_site("cell"))
