@@ -193,11 +193,13 @@ class _Drawing:
         start, end = self._nodes[edge.start], self._nodes[edge.end]
         return math.dist((start.x, start.y), (end.x, end.y))
 
-    def _way(self, edge: LayoutEdge) -> list[Cell]:
-        """The cheapest way from where all comes from one node, through free cells, to where all leads to the other."""
+    def _ends(self, edge: LayoutEdge) -> tuple[dict[Cell, list[Cell]], dict[Cell, list[Cell]]]:
+        """Cells at which a way may begin, with what leads there, and those at which it may end, with what follows.
+
+        A way may part from others that come from the same node, and join those that lead to the same node.
+        """
         start, end = self._at[edge.start], self._at[edge.end]
-        roots = {start: [start]}
-        leaves = {end: [end]}
+        roots, leaves = {start: [start]}, {end: [end]}
         for other in self._layout.edges:
             way = self._ways.get(other.name, [])
             for k, cell in enumerate(way[1:-1], start=1):
@@ -206,8 +208,13 @@ class _Drawing:
                 if other.end == edge.end and self._targets[cell] == {edge.end}:
                     leaves.setdefault(cell, way[k:])
         if end in self._docks and len(leaves) > 1:
-            # A dock has one way in.
-            del leaves[end]
+            del leaves[end]  # a dock has one way in
+        return roots, leaves
+
+    def _way(self, edge: LayoutEdge) -> list[Cell]:
+        """The cheapest way through free cells; empty if there is none."""
+        start, end = self._at[edge.start], self._at[edge.end]
+        roots, leaves = self._ends(edge)
         blocked = self._kept | set(self._at.values()) | {cell for cell in self._sources if self._sources[cell]}
         queue: list[tuple[float, Cell, int]] = []
         cost: dict[tuple[Cell, int], float] = {}
