@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from maps.errors import LaneError, PlanError, SiteFileError, UnknownSiteError
+from maps.errors import LaneError, PlanError, SiteFileError, StationError, UnknownSiteError
 from maps.grid import BoolGrid, GridMap
 from maps.lane_drawing import check_lanes, draw_lanes, read_lanes
 from maps.plan import FloorPlan, parse_plan
@@ -31,6 +31,7 @@ _VALID = {
     "plan": "the drawing as a text, a line for each row",
     "lanes": "the lanes as a text, two lines for each row but the last",
     "stations": "tables [stations.NAME]",
+    "names": "a table of names of stations, and what others call them",
     "stop_offset_m": "a number >= 0",
     "arm_xy": "[x, y], two numbers",
     "arm_yaw_deg": "a number",
@@ -68,6 +69,8 @@ class Site:
     """Lanes of two-way aisles that lead against the aisle's street (from cell, to cell), shape (k, 2), sorted."""
     lanes_given: bool = False
     """Whether the lanes were given and not derived from the drawing; a site file then has them."""
+    names: Mapping[str, str] = field(default_factory=dict)
+    """Name of a station -> what others call it, in whose layouts it goes by that."""
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Site):
@@ -77,6 +80,7 @@ class Site:
         return (
             all(getattr(self, word) == getattr(other, word) for word in words)
             and dict(self.options) == dict(other.options)
+            and dict(self.names) == dict(other.names)
             and all(np.array_equal(getattr(self, array), getattr(other, array)) for array in arrays)
         )
 
@@ -147,6 +151,7 @@ class _SiteTable(BaseModel):
     plan: str
     lanes: str | None = None
     stations: dict[str, _StationTable] = {}
+    names: dict[str, Annotated[str, Field(min_length=1)]] = {}
 
     @property
     def lines(self) -> list[str]:
@@ -174,7 +179,13 @@ def load_site(name_or_path: str | os.PathLike[str]) -> Site:
         plan = parse_plan(table.lines, where=where)
         lanes = read_lanes(table.lanes.strip("\n").split("\n"), *plan.shape, where=where)
     return site_from_plan(
-        table.lines, name=table.name, allow_reverse=table.allow_reverse, options=options, lanes=lanes, where=where
+        table.lines,
+        name=table.name,
+        allow_reverse=table.allow_reverse,
+        options=options,
+        lanes=lanes,
+        names=table.names,
+        where=where,
     )
 
 
@@ -238,6 +249,9 @@ def save_site(site: Site, path: str | os.PathLike[str]) -> None:
         chars = np.array([list(line) for line in site.plan])
         lines += ["", "# Every other character is a cell, the one between two cells is their lane."]
         lines += ["lanes = '''", *draw_lanes(chars, site.lanes, site.grid), "'''"]
+    if site.names:
+        lines += ["", "# What others call the stations.", "[names]"]
+        lines += [f"{name} = {json.dumps(theirs)}" for name, theirs in site.names.items()]
     for name, given in site.options.items():
         lines += ["", f"[stations.{name}]"]
         for key, value in vars(given).items():
@@ -261,6 +275,7 @@ def site_from_plan(
     allow_reverse: bool = False,
     options: Mapping[str, StationOptions] | None = None,
     lanes: npt.NDArray[np.int32] | None = None,
+    names: Mapping[str, str] | None = None,
     where: str | None = None,
 ) -> Site:
     """Make a site of a drawing: derive lane directions, stop poses, arms and slots, and check that all of it works.
@@ -271,11 +286,13 @@ def site_from_plan(
         allow_reverse: Cars may drive backwards along the lane they came by; two-way cells need it.
         options: Overrides by station name.
         lanes: Directed lanes (from cell, to cell), shape (n, 2), as they are to be; None derives them.
+        names: What others call stations, by station name.
         where: Opens every message; "site NAME" if not given.
 
     Raises:
         PlanError: Wrong shape or character, no pick or drop dock, or two-way cells without reverse or passing place.
-        StationError: A dock, its arm, slots and tray do not fit together, or arms stand too near each other.
+        StationError: A dock, its arm, slots and tray do not fit together, arms stand too near each other, or a name is
+            that of no station.
         LaneError: A station, parking or charging cell is a dead end or not connected to the rest, or lanes that are
             given are not connected.
     """
@@ -294,6 +311,7 @@ def site_from_plan(
         _check_given(lanes, grid, allow_reverse, where)
         orientation = given_lanes(plan, lanes)
     stations = place_stations(plan, grid, arm_sides, orientation.lanes, options, where=where)
+    _check_names(names or {}, stations, where)
     parking, chargers = tuple(plan.cells("K")), tuple(plan.cells("C"))
     _check_bays(plan, grid, orientation.lanes, where)
     if lanes is not None or plan.mask("x").any():
@@ -313,6 +331,7 @@ def site_from_plan(
         options=options,
         against=orientation.against,
         lanes_given=lanes is not None,
+        names=dict(names or {}),
     )
 
 
@@ -382,6 +401,17 @@ def _check_given(lanes: npt.NDArray[np.int32], grid: GridMap, allow_reverse: boo
             f"{where}: {_place_name(grid, int(apart[0]))} is a dead end or cut off from the largest connected part of "
             f"the lanes, with {len(apart)} cells in all; valid: lanes on which every cell leads to every other"
         )
+
+
+def _check_names(names: Mapping[str, str], stations: Sequence[StationPlace], where: str) -> None:
+    """Names of others are of stations that there are, each its own."""
+    known = [station.name for station in stations]
+    for name in names:
+        if name not in known:
+            raise StationError(f"{where}: names.{named(name)} is no station; valid: one of {', '.join(known)}")
+    twice = next((theirs for theirs in names.values() if list(names.values()).count(theirs) > 1), None)
+    if twice is not None:
+        raise StationError(f"{where}: names has {shown(twice)} twice; valid: a name of its own for each station")
 
 
 def _check_bays(plan: FloorPlan, grid: GridMap, lanes: npt.NDArray[np.int32], where: str) -> None:

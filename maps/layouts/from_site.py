@@ -97,7 +97,7 @@ def _stations(site: Site, docks: dict[str, str]) -> Iterable[LayoutStation]:
     for station in site.stations:
         x, y, _, yaw = station.arm.pose
         yield LayoutStation(
-            name=station.name,
+            name=site.names.get(station.name, station.name),
             use=station.kind,
             node=docks[station.name],
             x=round(x, 9),

@@ -36,6 +36,7 @@ class ImportedSite:
     """A site that was made from a layout."""
 
     site: Site
+    """With what its stations are called in the layout, where that is something else."""
     path_ratio: float
     """Mean way over its one-way lanes by that over two-way lanes."""
     names: dict[str, str]
@@ -68,17 +69,26 @@ def site_of_layout(layout: FloorLayout, *, name: str, where: str) -> ImportedSit
     lines = floor.lines()
     lanes, notes = _lanes(floor, lines, where)
     floor.check_docks(lanes)
-    allow_reverse = floor.backwards
-    site = site_from_plan(lines, name=name, allow_reverse=allow_reverse, lanes=lanes, where=where)
-    names = floor.names(site)
-    options = floor.options(site, names)
-    if options:
-        site = site_from_plan(lines, name=name, allow_reverse=allow_reverse, lanes=lanes, options=options, where=where)
+    site = site_from_plan(lines, name=name, allow_reverse=floor.backwards, lanes=lanes, where=where)
+    stations = floor.names(site)
+    names = {own: foreign.name for own, foreign in stations.items()}
+    options = floor.options(site, stations)
+    theirs = {own: foreign for own, foreign in names.items() if own != foreign}
+    if options or theirs:
+        site = site_from_plan(
+            lines,
+            name=name,
+            allow_reverse=floor.backwards,
+            options=options,
+            lanes=lanes,
+            names=theirs,
+            where=where,
+        )
     notes += floor.notes + floor.added_moves(site)
     return ImportedSite(
         site=site,
         path_ratio=path_lengths(site.lanes, site.grid).ratio,
-        names={own: foreign.name for own, foreign in names.items()},
+        names=names,
         notes=tuple(notes),
     )
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from maps.errors import LaneError, PlanError
+from maps.errors import LaneError, PlanError, StationError
 from maps.grid import GridMap
 from maps.lane_drawing import draw_lanes, read_lanes
 from maps.site import load_site, save_site, site_from_plan, site_names
@@ -58,3 +58,14 @@ def test_given_lanes_that_lead_astray_are_refused():
         site_from_plan(site.plan, name="s", lanes=np.vstack([site.lanes, [[13, 0]]]))
     with pytest.raises(LaneError, match="no lanes"):
         site_from_plan(site.plan, name="s", lanes=np.empty((0, 2), dtype=np.int32))
+
+
+def test_what_others_call_stations_is_kept(tmp_path):
+    site = site_from_plan(load_site("cell").plan, name="cell", names={"pick_1": 'Gate "A"'})
+    save_site(site, tmp_path / "cell.toml")
+    assert load_site(tmp_path / "cell.toml") == site
+    assert load_site(tmp_path / "cell.toml").names == {"pick_1": 'Gate "A"'}
+    with pytest.raises(StationError, match=r"names\.pick_9 is no station; valid: one of pick_1, drop_1"):
+        site_from_plan(site.plan, name="s", names={"pick_9": "x"})
+    with pytest.raises(StationError, match="names has 'x' twice"):
+        site_from_plan(site.plan, name="s", names={"pick_1": "x", "drop_1": "x"})

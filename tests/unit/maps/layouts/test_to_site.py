@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from maps.grid import EAST, GridMap
+from maps.layouts.formats import LAYOUT_FORMATS
 from maps.layouts.from_site import layout_of_cells, layout_of_states
 from maps.layouts.layout import FloorLayout, LayoutEdge, LayoutError, LayoutNode, LayoutStation, one_level
 from maps.layouts.lif import read_lif, write_lif
@@ -54,6 +55,15 @@ def test_edges_are_as_many_cells_long_as_they_are_metres():
     assert len(found.site.lanes) == 24
     assert found.names == {"pick_1": "goods in", "drop_1": "goods out"}
     assert "coordinates are not those of the file" in found.notes[0]
+
+
+def test_stations_go_by_their_own_names_when_they_go_out_again():
+    site = made(ring()).site
+    assert site.names == {"pick_1": "goods in", "drop_1": "goods out"}
+    for name in ("lif", "opentcs", "nav2"):
+        again = LAYOUT_FORMATS[name].read(LAYOUT_FORMATS[name].write(site), "file")
+        assert {station.name for station in again.stations} == {"goods in", "goods out"}
+        assert made(again).site.names == site.names
 
 
 def test_the_grid_may_lie_anywhere():
