@@ -383,6 +383,19 @@ def _read_demonstration(folder: Path) -> None:
     read_demonstrations(folder / "shown.npz")
 
 
+def _a_site_with_lanes() -> dict[str, bytes]:
+    """A site whose lanes are drawn, and whose stations have names of others."""
+    import tempfile
+
+    from maps.site import save_site, site_from_plan
+
+    cell = load_site("cell")
+    site = site_from_plan(cell.plan, name="drawn", lanes=cell.lanes, names={"pick_1": "gate 1", "drop_1": "gate 2"})
+    with tempfile.TemporaryDirectory() as folder:
+        save_site(site, Path(folder) / "site.toml")
+        return {"site.toml": (Path(folder) / "site.toml").read_bytes()}
+
+
 def _a_layout(name: str) -> dict[str, bytes]:
     """The smallest site in a format of others."""
     from maps.layouts.formats import LAYOUT_FORMATS
@@ -411,6 +424,7 @@ def _layout_kind(name: str, form: str) -> FileKind:
 
 
 FILE_KINDS: dict[str, FileKind] = {
+    "site_lanes": FileKind(forms={"site.toml": "toml"}, make=_a_site_with_lanes, read=_read_site),
     "lif": _layout_kind("lif", "json"),
     "opentcs": _layout_kind("opentcs", "lines"),
     "nav2": _layout_kind("nav2", "json"),
