@@ -8,6 +8,7 @@ BENCHMARKS: tuple[str, ...] = (
     "fleet_size",
     "flow",
     "insight",
+    "interop",
     "mapf",
     "mapf_lanes",
     "reliability",

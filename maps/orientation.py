@@ -90,7 +90,9 @@ class _Edges:
         return np.concatenate((start, end[self.both])), np.concatenate((end, start[self.both]))
 
 
-def orient_lanes(plan: FloorPlan, arm_sides: dict[int, tuple[int, ...]]) -> Orientation:
+def orient_lanes(
+    plan: FloorPlan, arm_sides: dict[int, tuple[int, ...]], ways: npt.NDArray[np.int32] | None = None
+) -> Orientation:
     """Give every lane of a plan a direction.
 
     An arrow fixes the lanes along its own axis; lanes across it are derived like those of plain floor. A bay (dock,
@@ -101,13 +103,16 @@ def orient_lanes(plan: FloorPlan, arm_sides: dict[int, tuple[int, ...]]) -> Orie
     Args:
         plan: The drawing.
         arm_sides: For each dock cell the headings in which its arms lie; its lane runs perpendicular to them.
+        ways: Where lanes may lead (from cell, to cell), shape (n, 2): one of which there is the opposite, too, is given
+            a direction, the others keep theirs. None = between any two open neighbours.
 
     Source: C. L. Lucchesi and D. H. Younger, A minimax theorem for directed graphs, J. London Math. Soc. 1978; the
         reversal property: A. Frank, How to make a digraph strongly connected, Combinatorica 1981.
     """
     grid = GridMap(plan.open)
     arm_side = {cell: sides[0] for cell, sides in arm_sides.items()}
-    edges = _two_edge_connected(_pruned_at_bays(_edges_of(plan, grid), plan, grid, arm_side), grid)
+    drawn = _edges_of(plan, grid) if ways is None else _edges_along(ways, grid, two_way=False)
+    edges = _two_edge_connected(_pruned_at_bays(drawn, plan, grid, arm_side), grid)
     if len(edges.tail) == 0:
         none = np.empty((0, 2), dtype=np.int32)
         return Orientation(lanes=none, against=none, cut_cells=tuple(plan.cells(_open_characters(plan))))
@@ -133,6 +138,33 @@ def orient_lanes(plan: FloorPlan, arm_sides: dict[int, tuple[int, ...]]) -> Orie
     cut = plan.open.ravel().copy()
     cut[lanes.ravel()] = False
     return Orientation(lanes=lanes, against=against, cut_cells=tuple(int(cell) for cell in np.flatnonzero(cut)))
+
+
+def given_lanes(plan: FloorPlan, lanes: npt.NDArray[np.int32]) -> Orientation:
+    """The orientation of a plan whose lanes are known: nothing but the streets of two-way aisles is derived.
+
+    Args:
+        plan: The drawing.
+        lanes: Directed lanes (from cell, to cell) between open cells, shape (n, 2).
+    """
+    grid = GridMap(plan.open)
+    edges = _edges_along(lanes, grid, two_way=True)
+    against = np.empty((0, 2), dtype=np.int32)
+    if edges.both.any():
+        against = _sorted(*_against_streets(replace(edges, sign=_alternating_starts(edges, grid)[0]), grid))
+    cut = plan.open.ravel().copy()
+    cut[lanes.ravel()] = False
+    start, end = lanes.T.astype(np.int64)
+    return Orientation(
+        lanes=_sorted(start, end), against=against, cut_cells=tuple(int(cell) for cell in np.flatnonzero(cut))
+    )
+
+
+def weakly_joined(lanes: npt.NDArray[np.int32]) -> Ints:
+    """Cells from which, or to which, the lanes do not lead from and to all of the largest part, ascending."""
+    start, end = lanes.T.astype(np.int64)
+    cells = np.unique(lanes).astype(np.int64)
+    return cells[~_largest_part(start, end, strong=True)[cells]]
 
 
 def path_lengths(lanes: npt.NDArray[np.int32], grid: GridMap, *, max_sources: int = 256) -> PathLengths:
@@ -270,6 +302,19 @@ def _edges_of(plan: FloorPlan, grid: GridMap) -> _Edges:
     both = (two_way[tail] | two_way[head]) & (sign == 0)
     edges = _Edges(tail=tail, head=head, horizontal=horizontal, sign=sign, fixed=sign != 0, both=both)
     return edges.select(~contradicting)
+
+
+def _edges_along(ways: npt.NDArray[np.int32], grid: GridMap, *, two_way: bool) -> _Edges:
+    """Edges under given lanes; of lanes that lead both ways, either both are meant or the direction is open."""
+    low, high = ways.min(axis=1).astype(np.int64), ways.max(axis=1).astype(np.int64)
+    forward = ways[:, 0] < ways[:, 1]
+    pairs, number = np.unique(np.column_stack((low, high)), axis=0, return_inverse=True)
+    onward = np.bincount(number.ravel()[forward], minlength=len(pairs)) > 0
+    back = np.bincount(number.ravel()[~forward], minlength=len(pairs)) > 0
+    sign = onward.astype(np.int8) - back.astype(np.int8)
+    tail, head = pairs.reshape(-1, 2).T
+    both = onward & back & two_way
+    return _Edges(tail=tail, head=head, horizontal=head - tail != grid.cols, sign=sign, fixed=sign != 0, both=both)
 
 
 def _pruned_at_bays(edges: _Edges, plan: FloorPlan, grid: GridMap, arm_side: dict[int, int]) -> _Edges:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from maps.lane_drawing import draw_lanes
 from maps.lane_graph import build_lane_graph
 from maps.orientation import n_separated, path_lengths, separating
 from maps.site import Site
@@ -74,31 +75,21 @@ def draw_site(site: Site) -> str:
     Floor is '.', a cut cell ','; '-' and '|' are two-way lanes; blocked cells keep their character of the plan. Before
     each row stands its number, above every fifth column that one's, and behind a row the stations whose docks it has.
     """
-    rows, cols = site.grid.rows, site.grid.cols
-    canvas = np.full((2 * rows - 1, 2 * cols - 1), " ")
     chars = np.array([list(line) for line in site.plan])
     chars[np.isin(chars, list("><^vx"))] = "."
     chars.reshape(-1)[list(site.cut_cells)] = ","
-    canvas[::2, ::2] = chars
-    lanes = {(int(a), int(b)) for a, b in site.lanes}
-    for start, end in lanes:
-        (row, col), (next_row, next_col) = site.grid.row_col(start), site.grid.row_col(end)
-        across = row == next_row
-        arrow = (">" if next_col > col else "<") if across else ("v" if next_row > row else "^")
-        if (end, start) in lanes:
-            arrow = "-" if across else "|"
-        canvas[row + next_row, col + next_col] = arrow
+    rows, cols = site.grid.rows, site.grid.cols
     margin = len(str(rows - 1)) + 2
     heading = " " * margin + "".join(f"{col:<10}" for col in range(0, cols, 5))
     lines = [heading.rstrip()]
-    for number, line in enumerate(canvas):
+    for number, line in enumerate(draw_lanes(chars, site.lanes, site.grid)):
         row, between = divmod(number, 2)
         named = (
             [] if between else [station for station in site.stations if site.grid.row_col(station.dock.cell)[0] == row]
         )
         names = ", ".join(station.name for station in sorted(named, key=lambda station: int(station.dock.cell)))
         mark = "" if between else str(row)
-        lines.append(f"{mark:>{margin - 2}}  {''.join(line)}  {names}".rstrip())
+        lines.append(f"{mark:>{margin - 2}}  {line:<{2 * cols - 1}}  {names}".rstrip())
     return "\n".join(lines)
 
 

@@ -13,8 +13,9 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from maps.errors import LaneError, PlanError, SiteFileError, UnknownSiteError
+from maps.errors import LaneError, PlanError, SiteFileError, StationError, UnknownSiteError
 from maps.grid import BoolGrid, GridMap
+from maps.lane_drawing import check_lanes, draw_lanes, read_lanes
 from maps.plan import FloorPlan, parse_plan
 from maps.reading.near import hint
 from maps.reading.shown import named, shown
@@ -29,7 +30,9 @@ _VALID = {
     "name": "a text that is not empty",
     "allow_reverse": "true or false",
     "plan": "the drawing as a text, a line for each row",
+    "lanes": "the lanes as a text, two lines for each row but the last",
     "stations": "tables [stations.NAME]",
+    "names": "a table of names of stations, and what others call them",
     "stop_offset_m": "a number >= 0",
     "arm_xy": "[x, y], two numbers",
     "arm_yaw_deg": "a number",
@@ -65,15 +68,20 @@ class Site:
     """What the site file says about single stations, by name."""
     against: npt.NDArray[np.int32] = field(default_factory=lambda: np.empty((0, 2), dtype=np.int32))
     """Lanes of two-way aisles that lead against the aisle's street (from cell, to cell), shape (k, 2), sorted."""
+    lanes_given: bool = False
+    """Whether the lanes were given and not derived from the drawing; a site file then has them."""
+    names: Mapping[str, str] = field(default_factory=dict)
+    """Name of a station -> what others call it, in whose layouts it goes by that."""
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Site):
             return NotImplemented
-        words = ("name", "stations", "parking", "chargers", "cut_cells", "allow_reverse", "plan", "grid")
+        words = ("name", "stations", "parking", "chargers", "cut_cells", "allow_reverse", "plan", "grid", "lanes_given")
         arrays = ("walls", "shelves", "lanes", "against")
         return (
             all(getattr(self, word) == getattr(other, word) for word in words)
             and dict(self.options) == dict(other.options)
+            and dict(self.names) == dict(other.names)
             and all(np.array_equal(getattr(self, array), getattr(other, array)) for array in arrays)
         )
 
@@ -142,7 +150,9 @@ class _SiteTable(BaseModel):
     name: str = Field(min_length=1)
     allow_reverse: bool = False
     plan: str
+    lanes: str | None = None
     stations: dict[str, _StationTable] = {}
+    names: dict[str, Annotated[str, Field(min_length=1)]] = {}
 
     @property
     def lines(self) -> list[str]:
@@ -165,7 +175,19 @@ def load_site(name_or_path: str | os.PathLike[str]) -> Site:
     """
     table, where = _read_table(name_or_path)
     options = {name: StationOptions(**entry.model_dump()) for name, entry in table.stations.items()}
-    return site_from_plan(table.lines, name=table.name, allow_reverse=table.allow_reverse, options=options, where=where)
+    lanes = None
+    if table.lanes is not None:
+        plan = parse_plan(table.lines, where=where)
+        lanes = read_lanes(table.lanes.strip("\n").split("\n"), *plan.shape, where=where)
+    return site_from_plan(
+        table.lines,
+        name=table.name,
+        allow_reverse=table.allow_reverse,
+        options=options,
+        lanes=lanes,
+        names=table.names,
+        where=where,
+    )
 
 
 def outline(name_or_path: str | os.PathLike[str]) -> SiteOutline:
@@ -225,6 +247,13 @@ def save_site(site: Site, path: str | os.PathLike[str]) -> None:
         *site.plan,
         "'''",
     ]
+    if site.lanes_given:
+        chars = np.array([list(line) for line in site.plan])
+        lines += ["", "# Every other character is a cell, the one between two cells is their lane."]
+        lines += ["lanes = '''", *draw_lanes(chars, site.lanes, site.grid), "'''"]
+    if site.names:
+        lines += ["", "# What others call the stations.", "[names]"]
+        lines += [f"{name} = {json.dumps(theirs)}" for name, theirs in site.names.items()]
     for name, given in site.options.items():
         lines += ["", f"[stations.{name}]"]
         for key, value in vars(given).items():
@@ -247,6 +276,8 @@ def site_from_plan(
     name: str,
     allow_reverse: bool = False,
     options: Mapping[str, StationOptions] | None = None,
+    lanes: npt.NDArray[np.int32] | None = None,
+    names: Mapping[str, str] | None = None,
     where: str | None = None,
 ) -> Site:
     """Make a site of a drawing: derive lane directions, stop poses, arms and slots, and check that all of it works.
@@ -256,14 +287,18 @@ def site_from_plan(
         name: Name of the site.
         allow_reverse: Cars may drive backwards along the lane they came by; two-way cells need it.
         options: Overrides by station name.
+        lanes: Directed lanes (from cell, to cell), shape (n, 2), as they are to be; None derives them.
+        names: What others call stations, by station name.
         where: Opens every message; "site NAME" if not given.
 
     Raises:
         PlanError: Wrong shape or character, no pick or drop dock, or two-way cells without reverse or passing place.
-        StationError: A dock, its arm, slots and tray do not fit together, or arms stand too near each other.
-        LaneError: A station, parking or charging cell is a dead end or not connected to the rest.
+        StationError: A dock, its arm, slots and tray do not fit together, arms stand too near each other, or a name is
+            that of no station.
+        LaneError: A station, parking or charging cell is a dead end or not connected to the rest, or lanes that are
+            given are not connected.
     """
-    from maps.orientation import orient_lanes  # it needs packages that load for half a second
+    from maps.orientation import given_lanes, orient_lanes  # it needs packages that load for half a second
 
     where = where or f"site {name}"
     options = dict(options or {})
@@ -271,11 +306,17 @@ def site_from_plan(
     grid = GridMap(plan.open)
     _check_two_way(plan, grid, allow_reverse, where)
     arm_sides = match_arms(plan, grid, where=where)
-    orientation = orient_lanes(plan, arm_sides)
+    if lanes is None:
+        orientation = orient_lanes(plan, arm_sides)
+    else:
+        check_lanes(lanes, plan.open, grid, where=where)
+        _check_given(lanes, grid, allow_reverse, where)
+        orientation = given_lanes(plan, lanes)
     stations = place_stations(plan, grid, arm_sides, orientation.lanes, options, where=where)
+    _check_names(names or {}, stations, where)
     parking, chargers = tuple(plan.cells("K")), tuple(plan.cells("C"))
     _check_bays(plan, grid, orientation.lanes, where)
-    if plan.mask("x").any():
+    if lanes is not None or plan.mask("x").any():
         _check_states(plan, grid, arm_sides, orientation.lanes, where)
     return Site(
         name=name,
@@ -291,6 +332,8 @@ def site_from_plan(
         plan=plan.lines,
         options=options,
         against=orientation.against,
+        lanes_given=lanes is not None,
+        names=dict(names or {}),
     )
 
 
@@ -337,6 +380,38 @@ def _check_two_way(plan: FloorPlan, grid: GridMap, allow_reverse: bool, where: s
                 f"{where}: the two-way part at {grid.words(min(part))} has no passing place; valid: a "
                 "cell with at least three open neighbours so that a car can step aside"
             )
+
+
+def _check_given(lanes: npt.NDArray[np.int32], grid: GridMap, allow_reverse: bool, where: str) -> None:
+    """Lanes that are given lead from every cell to every other; two-way ones need cars that can back out."""
+    from maps.orientation import weakly_joined
+
+    if len(lanes) == 0:
+        raise LaneError(f"{where}: no lanes; valid: lanes on which every cell leads to every other")
+    known = {(int(a), int(b)) for a, b in lanes}
+    both = next((cell for cell, other in sorted(known) if (other, cell) in known), None)
+    if both is not None and not allow_reverse:
+        raise LaneError(
+            f"{where}: the two-way lane at {grid.words(both)} without allow_reverse = true; valid: with it, or "
+            "one-way lanes"
+        )
+    apart = weakly_joined(lanes)
+    if len(apart):
+        raise LaneError(
+            f"{where}: {grid.words(int(apart[0]))} is a dead end or cut off from the largest connected part of "
+            f"the lanes, with {len(apart)} cells in all; valid: lanes on which every cell leads to every other"
+        )
+
+
+def _check_names(names: Mapping[str, str], stations: Sequence[StationPlace], where: str) -> None:
+    """Names of others are of stations that there are, each its own."""
+    known = [station.name for station in stations]
+    for name in names:
+        if name not in known:
+            raise StationError(f"{where}: names.{named(name)} is no station; valid: one of {', '.join(known)}")
+    twice = next((theirs for theirs in names.values() if list(names.values()).count(theirs) > 1), None)
+    if twice is not None:
+        raise StationError(f"{where}: names has {shown(twice)} twice; valid: a name of its own for each station")
 
 
 def _check_bays(plan: FloorPlan, grid: GridMap, lanes: npt.NDArray[np.int32], where: str) -> None:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 from unittest.mock import MagicMock
 
+from maps.layouts.layout import LayoutError
 from maps.site import load_site
 
 _SITE = """name = "fuzzed"
@@ -382,7 +383,53 @@ def _read_demonstration(folder: Path) -> None:
     read_demonstrations(folder / "shown.npz")
 
 
+def _a_site_with_lanes() -> dict[str, bytes]:
+    """A site whose lanes are drawn, and whose stations have names of others."""
+    import tempfile
+
+    from maps.site import save_site, site_from_plan
+
+    cell = load_site("cell")
+    site = site_from_plan(cell.plan, name="drawn", lanes=cell.lanes, names={"pick_1": "gate 1", "drop_1": "gate 2"})
+    with tempfile.TemporaryDirectory() as folder:
+        save_site(site, Path(folder) / "site.toml")
+        return {"site.toml": (Path(folder) / "site.toml").read_bytes()}
+
+
+def _a_layout(name: str) -> dict[str, bytes]:
+    """The smallest site in a format of others."""
+    from maps.layouts.formats import LAYOUT_FORMATS
+
+    return {"floor": LAYOUT_FORMATS[name].write(load_site("cell")).encode()}
+
+
+def _read_layout(name: str, folder: Path) -> None:
+    from maps.layouts.formats import LAYOUT_FORMATS
+    from maps.layouts.redraw import redrawn
+    from maps.layouts.to_site import site_of_layout
+    from maps.reading.text_file import read_text
+
+    where = str(folder / "floor")
+    layout = LAYOUT_FORMATS[name].read(read_text(where, where, valid=LAYOUT_FORMATS[name].title), where)
+    try:
+        site_of_layout(layout, name="fuzzed", where=where)
+    except LayoutError:  # what lies on no grid can be drawn anew
+        site_of_layout(redrawn(layout, where).layout, name="fuzzed", where=where)
+
+
+def _layout_kind(name: str, form: str) -> FileKind:
+    return FileKind(
+        forms={"floor": form}, make=functools.partial(_a_layout, name), read=functools.partial(_read_layout, name)
+    )
+
+
 FILE_KINDS: dict[str, FileKind] = {
+    "site_lanes": FileKind(forms={"site.toml": "toml"}, make=_a_site_with_lanes, read=_read_site),
+    "lif": _layout_kind("lif", "json"),
+    "opentcs": _layout_kind("opentcs", "lines"),
+    "nav2": _layout_kind("nav2", "json"),
+    "rmf": _layout_kind("rmf", "lines"),
+    "building": _layout_kind("building", "lines"),
     "site": FileKind(forms={"site.toml": "toml"}, make=lambda: {"site.toml": _SITE.encode()}, read=_read_site),
     "orders": FileKind(
         forms={"orders.csv": "lines"},

@@ -35,6 +35,7 @@ _DEMO = ("demo", "--site=small", "--fidelity=grid", "--duration=2", "--no-record
 WORDS = {
     "site": ("site", "check", "{folder}/site.toml", "--no-draw"),
     "map": ("site", "convert", "{folder}/room.map", "{folder}/room.toml", "--pick=1", "--drop=1", "--parking=1"),
+    "lif": ("site", "import", "{folder}/floor", "--format=lif", "--out={folder}/out.toml", "--grip=suction"),
     "plan": ("plan", "--map={folder}/room.map", "--scen={folder}/room.scen", "--budget-s=0.2", "--output={folder}/out"),
     "lorr": ("lorr", "{folder}/room.json", "--steps=5"),
     "lorr_2026": ("lorr", "{folder}/room.json", "--steps=5"),

@@ -70,6 +70,10 @@ COMMANDS = {
         "learning.evaluate.Evaluate",
         "Play named scenarios with a policy; prints figures with intervals and the gain over the scripted fleet.",
     ),
+    "export": Command(
+        "recordings.export.Export",
+        "Write a run as an MCAP file of ROS 2 messages, for Foxglove, PlotJuggler or `ros2 bag play`.",
+    ),
     "fit": Command(
         "scale.fit.FitCommand",
         "Fit the car of the kinematic world to physical runs; prints today's values beside the fitted ones.",
@@ -136,6 +140,15 @@ SITE_COMMANDS = {
         "site.SiteConvert",
         "Turn a MovingAI map into a site: adds stations and parking.",
     ),
+    "export": Command(
+        "site.SiteExport",
+        "Write a site as a layout of another fleet manager: LIF, openTCS, Open-RMF or Nav2.",
+        compiles=False,
+    ),
+    "import": Command(
+        "site.SiteImport",
+        "Turn a layout of another fleet manager whose nodes lie on a grid into a site.",
+    ),
 }
 TABLETOP_COMMANDS = {
     "sort": Command("tabletop.TabletopSort", "Let a Kuka sort cubes, spheres and cylinders into places by kind."),
@@ -150,7 +163,7 @@ TABLETOP_COMMANDS = {
     ),
 }
 GROUPS = {
-    "site": ("Check, list, generate or convert sites.", SITE_COMMANDS),
+    "site": ("Check, list, generate, convert, export or import sites.", SITE_COMMANDS),
     "tabletop": (
         "Sort a table: a Kuka, a Panda with a tray, two Kukas; or let two share a tray.",
         TABLETOP_COMMANDS,
@@ -168,6 +181,7 @@ def main(arguments: Sequence[str] | None = None, *, prog: str = "") -> None:
         arguments: Words after the program's name; None reads them from the command line.
         prog: The program's name in messages; empty = `fleet` if that was called, else `python -m fleet`.
     """
+    is_program = arguments is None or bool(prog)
     prog = prog or ("fleet" if Path(sys.argv[0]).stem == "fleet" else "python -m fleet")
     words = list(sys.argv[1:] if arguments is None else arguments)
     if threading.current_thread() is threading.main_thread() and signal.getsignal(signal.SIGINT) is signal.SIG_DFL:
@@ -176,7 +190,7 @@ def main(arguments: Sequence[str] | None = None, *, prog: str = "") -> None:
         chosen, name, words = _choose(words, prog)
         command = _read(chosen, name, words)
         # In a program that calls this there is nobody who waits.
-        told = chosen.compiles and (sys.stderr.isatty() or arguments is None)
+        told = chosen.compiles and (sys.stderr.isatty() or is_program)
         with interrupts_kept(), compilation_told(sys.stderr) if told else contextlib.nullcontext():
             status = command.run()
         sys.stdout.flush()

@@ -15,6 +15,8 @@ from fleet.errors import FleetError
 if TYPE_CHECKING:
     from maps.site import Site
 
+FORMATS = Literal["lif", "opentcs", "rmf", "building", "nav2"]
+"""Names in `maps.layouts.formats.LAYOUT_FORMATS`."""
 MOST = 1000
 """Greatest side of a generated floor [cells], and number of places that a converted map is given."""
 
@@ -156,6 +158,77 @@ class SiteConvert:
         site = site_from_map(self.map, pick=self.pick, drop=self.drop, parking=self.parking)
         _require_reach(_unreached(site, self.grip))
         return _save(site, self.out)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SiteExport:
+    """Write a site as a layout of another fleet manager: LIF, openTCS, Open-RMF or Nav2."""
+
+    site: Annotated[str, tyro.conf.Positional]
+    """Name of a shipped site or path of a site file."""
+    file: Annotated[Path, tyro.conf.Positional]
+    """The file to write."""
+    format: FORMATS | None = None
+    """What to write; default: what the name of the file says."""
+
+    def run(self) -> int:
+        """Write the file."""
+        from maps.layouts.formats import LAYOUT_FORMATS, format_of
+        from maps.site import load_site
+
+        name = self.format or format_of(self.file.name)
+        layout_format = LAYOUT_FORMATS[name]
+        text = layout_format.write(load_site(self.site))
+        part = self.file.with_name(self.file.name + ".part")
+        try:
+            part.write_text(text, encoding="utf-8")
+            part.replace(self.file)
+        finally:
+            part.unlink(missing_ok=True)
+        sys.stdout.write(f"{self.file}: {layout_format.title}, {len(text.encode()):,} bytes\n")
+        return 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class SiteImport:
+    """Turn a layout of another fleet manager whose nodes lie on a grid into a site."""
+
+    file: Annotated[Path, tyro.conf.Positional]
+    """A layout: LIF, an openTCS plant model, a navigation graph or building map of Open-RMF, a Nav2 route graph."""
+    out: Path
+    """The site file to write."""
+    format: FORMATS | None = None
+    """What the file is; default: what its name says."""
+    level: str | None = None
+    """Of several levels the one that becomes the site."""
+    redraw: bool = False
+    """Draw the ways anew, cell by cell, if nodes lie on no grid: what leads where stays, lengths do not."""
+    grip: Grip | None = None
+    """The only tool whose reach counts; default: both."""
+
+    def run(self) -> int:
+        """Write the file; a site whose arms cannot serve their stations raises."""
+        from maps.layouts.formats import LAYOUT_FORMATS, format_of
+        from maps.layouts.layout import one_level
+        from maps.layouts.redraw import redrawn
+        from maps.layouts.to_site import site_of_layout
+        from maps.reading.text_file import read_text
+
+        layout_format = LAYOUT_FORMATS[self.format or format_of(self.file.name)]
+        text = read_text(self.file, str(self.file), valid=layout_format.title)
+        layout = one_level(layout_format.read(text, str(self.file)), self.level, str(self.file))
+        notes: list[str] = []
+        if self.redraw:
+            drawn = redrawn(layout, str(self.file))
+            layout = drawn.layout
+            notes += drawn.notes()
+        made = site_of_layout(layout, name=self.out.stem, where=str(self.file))
+        _require_reach(_unreached(made.site, self.grip))
+        status = _save(made.site, self.out)
+        sys.stdout.write(f"path ratio {made.path_ratio:.2f}\n")
+        sys.stdout.writelines(f"{own}: {foreign}\n" for own, foreign in made.names.items() if own != foreign)
+        sys.stdout.writelines(f"note: {note}\n" for note in (*notes, *made.notes))
+        return status
 
 
 def _text(value: object) -> str:

@@ -22,6 +22,7 @@ REQUIRED = {
     "calibrate": ["motion.csv"],
     "dataset": ["--scenario", "dispatch_due", "--out", "data"],
     "diff": ["run_1", "run_2"],
+    "export": ["run", "--mcap", "run.mcap"],
     "gap": ["small"],
     "lorr": ["problem.json"],
     "mend": ["run"],
@@ -33,6 +34,8 @@ REQUIRED = {
     "site check": ["small"],
     "site generate": ["out.toml"],
     "site convert": ["in.map", "out.toml"],
+    "site export": ["small", "out.xml"],
+    "site import": ["in.xml", "--out", "out.toml"],
     "why": ["car_0", "run"],
 }
 """Words without which a command has nothing to work on."""
@@ -41,6 +44,7 @@ CHOICES = {
     "controller": "pibt",
     "drive": "follow",
     "fidelity": "kinematic",
+    "format": "lif",
     "grip": "friction",
     "motion": "rotating",
     "perception": "camera",

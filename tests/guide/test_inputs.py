@@ -9,6 +9,7 @@ from tests.guide.pages import Block, each_block, run_block
 
 @each_block(
     "docs/guide/sites.md",
+    "docs/guide/layouts.md",
     "docs/guide/orders.md",
     "docs/guide/disturbances.md",
     "docs/guide/settings.md",

@@ -1,11 +1,14 @@
 """The site commands: what they print can be read, what they write can be used."""
 
 from pathlib import Path
+from typing import get_args
 
 import networkx as nx
 import pytest
 
 from fleet.cli.main import main
+from fleet.cli.site import FORMATS
+from maps.layouts.formats import LAYOUT_FORMATS
 from maps.site import load_site, site_names
 
 MAP = """type octile
@@ -91,3 +94,7 @@ def test_the_lane_graph_is_written_for_graph_tools(tmp_path: Path, capsys: pytes
     output = said(["check", "cell", "--no-draw", "--graphml", str(file)], capsys)
     graph = nx.read_graphml(file)
     assert f"{file}: {graph.number_of_nodes()} states, {graph.number_of_edges()} moves" in output
+
+
+def test_every_format_can_be_asked_for() -> None:
+    assert set(get_args(FORMATS)) == set(LAYOUT_FORMATS)

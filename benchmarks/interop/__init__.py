@@ -1,0 +1,31 @@
+"""Benchmark of open doors: what goes out is read by others, what comes in drives; one group per file.
+
+The other side is that of the extra `interop`, and files of other projects are those of the folder that FLEET_INSTANCES
+names. Rows for which something is missing are left out with a note.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+
+from benchmarks.harness import Benchmark, Row, Trial, in_groups
+from benchmarks.interop.broken import measure_broken
+from benchmarks.interop.lif import measure_lif
+from benchmarks.interop.opentcs import measure_opentcs
+from benchmarks.interop.rmf import measure_rmf
+from benchmarks.interop.runs import measure_runs
+
+GROUPS: dict[str, Callable[[Trial], Iterable[Row]]] = {
+    "runs": measure_runs,
+    "lif": measure_lif,
+    "opentcs": measure_opentcs,
+    "rmf": measure_rmf,
+    "broken": measure_broken,
+}
+
+BENCHMARK = Benchmark(
+    name="interop",
+    summary="runs and floors that others read, and floors of others that drive",
+    measure=in_groups(GROUPS),
+    groups=tuple(GROUPS),
+)

@@ -1,0 +1,1 @@
+"""Runs as ROS 2 messages, in a file and without ROS."""

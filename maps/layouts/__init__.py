@@ -1,0 +1,1 @@
+"""Layouts: floors in the formats of other fleet managers, read and written as text."""
