@@ -1,0 +1,126 @@
+"""Executes the notebooks in kernels of their own and writes what they show as HTML: python -m notebooks [NAME ...]."""
+
+from __future__ import annotations
+
+import argparse
+import importlib.util
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+HERE = Path(__file__).parent
+OUT = Path("build") / "notebooks"
+CELL_TIMEOUT_S = 300
+"""The first run on a machine compiles kernels and fits the arms' spheres; afterwards a cell takes some seconds."""
+NEEDED = ("ipykernel", "nbclient", "nbconvert", "nbformat")
+CURE = ".venv/bin/python -m pip install --editable '.[notebook]'"
+DONE, FAILED, REFUSED = 0, 1, 2
+
+
+class NotebookError(Exception):
+    """A notebook cannot be run, or does not run as a reader would want it to; says which, where and why."""
+
+
+def require_kernel() -> None:
+    """Refuse to begin without the packages that run notebooks.
+
+    Raises:
+        NotebookError: One is missing; says how to install it.
+    """
+    missing = [name for name in NEEDED if importlib.util.find_spec(name) is None]
+    if missing:
+        raise NotebookError(f"notebooks need {', '.join(missing)}; valid: {CURE}")
+
+
+def execute(path: Path) -> Any:
+    """Run a notebook from top to bottom in a fresh kernel.
+
+    Args:
+        path: The .ipynb file.
+
+    Returns:
+        The notebook with its outputs.
+
+    Raises:
+        NotebookError: It cannot be read, a cell fails, takes too long or writes to stderr; names the cell.
+    """
+    import nbformat
+    from nbclient import NotebookClient
+    from nbclient.exceptions import CellExecutionError, CellTimeoutError, DeadKernelError
+    from traitlets.config import Config
+
+    try:
+        notebook = nbformat.read(path, as_version=4)
+    except Exception as error:  # nbformat has a dozen of them
+        raise NotebookError(f"{path}: cannot be read ({error}); valid: a notebook") from error
+    resources = {"metadata": {"path": str(HERE.parent)}}
+    # Sockets of the file system: nobody else on the machine can listen, and no port is opened.
+    local = Config({"KernelManager": {"transport": "ipc"}})
+    client = NotebookClient(
+        notebook, config=local, timeout=CELL_TIMEOUT_S, kernel_name="python3", resources=resources
+    )
+    try:
+        client.execute()
+    except (CellExecutionError, CellTimeoutError, DeadKernelError) as error:
+        raise NotebookError(f"{path}, cell {_failed(notebook)}: {error}") from error
+    for k, cell in enumerate(notebook.cells):
+        for output in cell.get("outputs", ()):
+            # Anything on stderr is a warning that a reader would stumble over.
+            if output.get("name") == "stderr":
+                raise NotebookError(f"{path}, cell {k}: stderr has {output.text.strip()!r}; valid: none")
+    return notebook
+
+
+def render(path: Path, out: Path) -> Path:
+    """Run a notebook and write it with its outputs as HTML; returns the path of the page."""
+    from nbconvert import HTMLExporter
+
+    page, _ = HTMLExporter().from_notebook_node(
+        execute(path), resources={"metadata": {"name": path.stem, "path": str(path.parent)}}
+    )
+    out.mkdir(parents=True, exist_ok=True)
+    target = out / f"{path.stem}.html"
+    target.write_text(page, encoding="utf-8")
+    return target
+
+
+def _failed(notebook: Any) -> int | str:
+    """The first cell of code that did not come to its end."""
+    for k, cell in enumerate(notebook.cells):
+        if any(output.output_type == "error" for output in cell.get("outputs", ())):
+            return k
+    return "?"
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Render the notebooks that are named, or all; returns the exit status."""
+    names = sorted(path.stem for path in HERE.glob("*.ipynb"))
+    parser = argparse.ArgumentParser(prog="python -m notebooks", description=__doc__)
+    parser.add_argument("names", nargs="*", metavar="NAME", help=f"notebooks, default all: {', '.join(names)}")
+    parser.add_argument("--out", type=Path, default=OUT, help="directory for the pages (default: %(default)s)")
+    told = parser.parse_args(arguments)
+    unknown = [name for name in told.names if name not in names]
+    if unknown:
+        parser.error(f"no notebook {unknown[0]!r}; valid: {', '.join(names)}")
+    try:
+        require_kernel()
+    except NotebookError as error:
+        print(error, file=sys.stderr)
+        return REFUSED
+    status = DONE
+    for name in told.names or names:
+        begin = time.perf_counter()
+        try:
+            page = render(HERE / f"{name}.ipynb", told.out)
+        except NotebookError as error:
+            print(error, file=sys.stderr)
+            status = FAILED
+            continue
+        print(f"{page}: {time.perf_counter() - begin:.0f} s", flush=True)
+    return status
+
+
+if __name__ == "__main__":
+    sys.exit(main())
