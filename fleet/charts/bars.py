@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 
 from fleet.charts.chart import AXIS, COLORS, GRID, N_LABELS, round_step
@@ -40,7 +41,7 @@ def draw_bars(
     sums = [sum(one[k] or 0.0 for one in groups.values()) for k in range(len(names))]
     most = max([*sums] if stacked else [value or 0.0 for one in groups.values() for value in one], default=0.0)
     step = round_step(max(most, 1e-9), N_LABELS)
-    n_steps = max(1, -int(-(most / step - 1e-9) // 1))
+    n_steps = max(1, math.ceil(most / step - 1e-3))
 
     def across(value: float) -> float:
         return LEFT + value / (n_steps * step) * (WIDTH - LEFT - RIGHT)

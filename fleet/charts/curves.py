@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from fleet.charts.chart import AXIS, BOTTOM, COLORS, GRID, HEIGHT, LEFT, N_LABELS, RIGHT, TOP, WIDTH, round_step
 from fleet.charts.drawing import Area, Dot, Drawing, Line, Words
 
+_LETTER_PX = 7.0
 _MOST_DOTS = 40
 """Curves with more points than this have no dots."""
 
@@ -42,9 +43,15 @@ def draw_curves(title: str, x_label: str, y_label: str, curves: Sequence[XyCurve
     y_low = y_step * math.floor(min(values) / y_step + 1e-9)
     y_high = max(y_step * math.ceil(max(values) / y_step - 1e-9), y_low + y_step)
 
+    # A long legend does not fit beside the words under the title.
+    legend_px = sum(_LETTER_PX * len(curve.name) + 40 for curve in curves)
+    room = LEFT + _LETTER_PX * len(y_label) + legend_px < WIDTH - RIGHT
+    legend_y = 40 if room else 58
+    top = TOP if room else TOP + 18
+
     def spot(x: float, y: float) -> tuple[float, float]:
         across, up = x / x_end, (y - y_low) / (y_high - y_low)
-        return LEFT + across * (WIDTH - LEFT - RIGHT), HEIGHT - BOTTOM - up * (HEIGHT - TOP - BOTTOM)
+        return LEFT + across * (WIDTH - LEFT - RIGHT), HEIGHT - BOTTOM - up * (HEIGHT - top - BOTTOM)
 
     sheet = Drawing(width=WIDTH, height=HEIGHT)
     marks = sheet.marks
@@ -62,9 +69,9 @@ def draw_curves(title: str, x_label: str, y_label: str, curves: Sequence[XyCurve
     right = float(WIDTH - RIGHT)
     colors = [COLORS[k % len(COLORS)] for k in range(len(curves))]
     for curve, color in reversed(list(zip(curves, colors, strict=True))):
-        right -= 7.0 * len(curve.name)
-        marks.append(Words(at=(right, 40), text=curve.name))
-        marks.append(Line(points=[(right - 24, 36), (right - 6, 36)], color=color, width=2.5))
+        right -= _LETTER_PX * len(curve.name)
+        marks.append(Words(at=(right, legend_y), text=curve.name))
+        marks.append(Line(points=[(right - 24, legend_y - 4), (right - 6, legend_y - 4)], color=color, width=2.5))
         right -= 40
     for curve, color in zip(curves, colors, strict=True):
         if curve.band:

@@ -75,7 +75,7 @@ class Words:
 
 @dataclass(frozen=True, kw_only=True)
 class Mover:
-    """A dot with a word in it that goes along a line at a steady pace, and begins again; a PNG has it at its start."""
+    """A dot, with a word in it if there is one, that goes along a line at a steady pace, and begins again; a PNG has it at its start."""
 
     points: Sequence[Spot]
     """Where it is after equal times."""
@@ -146,7 +146,8 @@ def _still(mark: Mark) -> Sequence[Line | Area | Dot | Box | Words]:
         return (mark,)
     (x, y), size = mark.points[0], 1.2 * mark.radius
     word = Words(at=(x, y + 0.35 * size), text=mark.text, size=size, color="#ffffff", anchor="middle", bold=True)
-    return (Dot(at=(x, y), color=mark.color, radius=mark.radius), word)
+    dot = Dot(at=(x, y), color=mark.color, radius=mark.radius)
+    return (dot, word) if mark.text else (dot,)
 
 
 def _zoomed(points: Sequence[Spot], zoom: int) -> list[Spot]:
