@@ -58,9 +58,7 @@ def execute(path: Path) -> Any:
     resources = {"metadata": {"path": str(HERE.parent)}}
     # Sockets of the file system: nobody else on the machine can listen, and no port is opened.
     local = Config({"KernelManager": {"transport": "ipc"}})
-    client = NotebookClient(
-        notebook, config=local, timeout=CELL_TIMEOUT_S, kernel_name="python3", resources=resources
-    )
+    client = NotebookClient(notebook, config=local, timeout=CELL_TIMEOUT_S, kernel_name="python3", resources=resources)
     try:
         client.execute()
     except (CellExecutionError, CellTimeoutError, DeadKernelError) as error:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from html import escape
-from itertools import pairwise
+from itertools import chain, pairwise
 from pathlib import Path
 
 Spot = tuple[float, float]
@@ -74,8 +74,8 @@ class Words:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Mover:
-    """A dot, with a word in it if there is one, that goes along a line at a steady pace, and begins again; a PNG has it at its start."""
+class MovingDot:
+    """A dot, with a word in it if there is one, that goes along a line, and begins again; a PNG has it at its start."""
 
     points: Sequence[Spot]
     """Where it is after equal times."""
@@ -86,7 +86,7 @@ class Mover:
     text: str = ""
 
 
-Mark = Line | Area | Dot | Box | Words | Mover
+Mark = Line | Area | Dot | Box | Words | MovingDot
 
 
 @dataclass(kw_only=True)
@@ -103,7 +103,7 @@ class Drawing:
         size = f'viewBox="0 0 {self.width} {self.height}" width="{self.width}" height="{self.height}"'
         return f'<svg xmlns="http://www.w3.org/2000/svg" {size} font-family="{FONT}" role="img">\n{body}\n</svg>'
 
-    def _repr_svg_(self) -> str:
+    def _repr_html_(self) -> str:
         """What a notebook shows: on white, also where its page is dark."""
         return self.svg().replace("<svg ", '<svg style="background:#ffffff;max-width:100%;height:auto" ', 1)
 
@@ -120,7 +120,7 @@ class Drawing:
         zoom = 2 * SCALE
         image = Image.new("RGB", (self.width * zoom, self.height * zoom), "white")
         pen = ImageDraw.Draw(image, "RGBA")
-        for mark in [still for mark in self.marks for still in _still(mark)]:
+        for mark in chain.from_iterable(map(_still, self.marks)):
             if isinstance(mark, Area):
                 pen.polygon(_zoomed(mark.points, zoom), fill=f"{mark.color}{round(255 * _PALE):02x}")
             elif isinstance(mark, Line):
@@ -142,7 +142,7 @@ class Drawing:
 
 def _still(mark: Mark) -> Sequence[Line | Area | Dot | Box | Words]:
     """A mark without its motion."""
-    if not isinstance(mark, Mover):
+    if not isinstance(mark, MovingDot):
         return (mark,)
     (x, y), size = mark.points[0], 1.2 * mark.radius
     word = Words(at=(x, y + 0.35 * size), text=mark.text, size=size, color="#ffffff", anchor="middle", bold=True)
@@ -168,7 +168,7 @@ def _dashes(points: Sequence[Spot], length: float = 5.0) -> list[list[Spot]]:
 
 
 def _svg(mark: Mark) -> str:
-    if isinstance(mark, Mover):
+    if isinstance(mark, MovingDot):
         x0, y0 = mark.points[0]
         places = ";".join(f"{x - x0:.1f},{y - y0:.1f}" for x, y in mark.points)
         how = f'attributeName="transform" type="translate" dur="{mark.lasts_s:g}s" repeatCount="indefinite"'

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 import numpy.typing as npt
 
-from fleet.charts.drawing import Box, Dot, Drawing, Line, Mover, Spot, Words
+from fleet.charts.drawing import Box, Dot, Drawing, Line, MovingDot, Spot, Words
 from maps.site import Site
 
 WALL, SHELF, DOCK, PARKING, CHARGER, ARM = "#8a97a6", "#c8a878", "#dfe8f2", "#eeeeee", "#e3f0e3", "#404040"
@@ -48,9 +48,9 @@ class FloorPicture:
             self.dot((x, y), ARM, radius_m=0.16)
             self.words((x, y + 0.35 * grid.cell_m), station.name)
 
-    def _repr_svg_(self) -> str:
+    def _repr_html_(self) -> str:
         """What a notebook shows."""
-        return self.sheet._repr_svg_()
+        return self.sheet._repr_html_()
 
     def spot(self, point: Sequence[float]) -> Spot:
         """Where a point x, y [m] is on the sheet [px]."""
@@ -87,7 +87,7 @@ class FloorPicture:
         """Let a car drive through points x, y [m], which it reaches after equal times, over and over."""
         points = [self.spot(point) for point in np.asarray(points_m)]
         radius = 0.3 * self._cell_px
-        self.sheet.marks.append(Mover(points=points, lasts_s=lasts_s, color=color, radius=radius, text=text))
+        self.sheet.marks.append(MovingDot(points=points, lasts_s=lasts_s, color=color, radius=radius, text=text))
 
     def _lane(self, start: npt.NDArray[np.float64], end: npt.NDArray[np.float64]) -> None:
         """An arrow between two cells."""
