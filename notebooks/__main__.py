@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import importlib.util
+import re
 import sys
 import time
 from collections.abc import Sequence
@@ -17,6 +18,7 @@ CELL_TIMEOUT_S = 300
 NEEDED = ("ipykernel", "nbclient", "nbconvert", "nbformat")
 CURE = ".venv/bin/python -m pip install --editable '.[notebook]'"
 DONE, FAILED, REFUSED = 0, 1, 2
+_COLOUR = re.compile(r"\x1b\[[0-9;]*m")
 
 
 class NotebookError(Exception):
@@ -44,7 +46,7 @@ def execute(path: Path) -> Any:
         The notebook with its outputs.
 
     Raises:
-        NotebookError: It cannot be read, a cell fails, takes too long or writes to stderr; names the cell.
+        NotebookError: It cannot be read; or a cell fails, takes too long or writes to stderr, which is named.
     """
     import nbformat
     from nbclient import NotebookClient
@@ -61,8 +63,11 @@ def execute(path: Path) -> Any:
     client = NotebookClient(notebook, config=local, timeout=CELL_TIMEOUT_S, kernel_name="python3", resources=resources)
     try:
         client.execute()
-    except (CellExecutionError, CellTimeoutError, DeadKernelError) as error:
-        raise NotebookError(f"{path}, cell {_failed(notebook)}: {error}") from error
+    except CellExecutionError as error:
+        number, lines = _failure(notebook)
+        raise NotebookError("\n".join((f"{path}, cell {number}: {error.ename}: {error.evalue}", *lines))) from error
+    except (CellTimeoutError, DeadKernelError) as error:
+        raise NotebookError(f"{path}: {' '.join(str(error).split())}") from error
     for k, cell in enumerate(notebook.cells):
         for output in cell.get("outputs", ()):
             # Anything on stderr is a warning that a reader would stumble over.
@@ -84,12 +89,13 @@ def render(path: Path, out: Path) -> Path:
     return target
 
 
-def _failed(notebook: Any) -> int | str:
-    """The first cell of code that did not come to its end."""
-    for k, cell in enumerate(notebook.cells):
-        if any(output.output_type == "error" for output in cell.get("outputs", ())):
-            return k
-    return "?"
+def _failure(notebook: Any) -> tuple[int, list[str]]:
+    """The cell that failed, and its traceback without colours."""
+    for number, cell in enumerate(notebook.cells):
+        for output in cell.get("outputs", ()):
+            if output.output_type == "error":
+                return number, _COLOUR.sub("", "\n".join(output.traceback)).splitlines()
+    return -1, []
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -63,7 +63,7 @@ def test_a_page_has_what_cells_show(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("sources", "said"),
     [
-        (("1 + 1", "undefined"), "made.ipynb, cell 1: .*NameError"),
+        (("1 + 1", "undefined"), "made.ipynb, cell 1: NameError: name .undefined. is not defined\n(.*\n)*----> 1 undefined"),
         (("import sys; sys.stderr.write('mind the gap')",), "made.ipynb, cell 0: stderr has 'mind the gap'"),
     ],
 )
