@@ -106,9 +106,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--out", type=Path, default=OUT, help="directory for the pages (default: %(default)s)")
     told = parser.parse_args(arguments)
     unknown = [name for name in told.names if name not in names]
-    if unknown:
-        parser.error(f"no notebook {unknown[0]!r}; valid: {', '.join(names)}")
     try:
+        if unknown:
+            raise NotebookError(f"there is no notebook {unknown[0]!r}; valid: {', '.join(names)}")
         require_kernel()
     except NotebookError as error:
         print(error, file=sys.stderr)
