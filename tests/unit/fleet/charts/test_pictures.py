@@ -116,6 +116,8 @@ def test_a_floor_is_drawn_in_metres() -> None:
     assert cell.at == (x0 + 40.0, y1)  # row 0 is at the top
     assert isinstance(mover, MovingDot)
     assert mover.points[1][0] - mover.points[0][0] == 20.0
+    floor.words((0.0, 1.0), "at the edge")
+    assert inside(floor.sheet, floor.sheet.marks[-1])
     assert floor._repr_html_() == floor.sheet._repr_html_()
 
 
