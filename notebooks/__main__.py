@@ -18,6 +18,12 @@ CELL_TIMEOUT_S = 300
 NEEDED = ("ipykernel", "nbclient", "nbconvert", "nbformat")
 CURE = ".venv/bin/python -m pip install --editable '.[notebook]'"
 DONE, FAILED, REFUSED = 0, 1, 2
+_PAGE = """{% extends 'lab/index.html.j2' %}
+{% block html_head_js %}{% endblock %}
+{% block html_head_js_mathjax %}{% endblock %}
+{% block html_head_js_mermaidjs %}{% endblock %}
+"""
+"""The page of JupyterLab without scripts from elsewhere: no notebook has formulas, widgets or diagrams in Mermaid."""
 _COLOUR = re.compile(r"\x1b\[[0-9;]*m")
 
 
@@ -77,16 +83,24 @@ def execute(path: Path) -> Any:
 
 
 def render(path: Path, out: Path) -> Path:
-    """Run a notebook and write it with its outputs as HTML; returns the path of the page."""
+    """Run a notebook and write it with its outputs as a page that needs no network; returns the path of the page."""
+    from jinja2 import DictLoader
     from nbconvert import HTMLExporter
 
-    page, _ = HTMLExporter().from_notebook_node(
-        execute(path), resources={"metadata": {"name": path.stem, "path": str(path.parent)}}
-    )
+    notebook = execute(path)
+    notebook.metadata["title"] = _title(notebook, path.stem)
+    exporter = HTMLExporter(extra_loaders=[DictLoader({"page.html.j2": _PAGE})], template_file="page.html.j2")
+    page, _ = exporter.from_notebook_node(notebook)
     out.mkdir(parents=True, exist_ok=True)
     target = out / f"{path.stem}.html"
     target.write_text(page, encoding="utf-8")
     return target
+
+
+def _title(notebook: Any, name: str) -> str:
+    """The first heading of a notebook, else its name."""
+    lines = (line for cell in notebook.cells if cell.cell_type == "markdown" for line in cell.source.splitlines())
+    return next((line.removeprefix("# ") for line in lines if line.startswith("# ")), name)
 
 
 def _failure(notebook: Any) -> tuple[int, list[str]]:

@@ -23,6 +23,7 @@ each_notebook = pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path
 def notebook_of(folder: Path, *sources: str) -> Path:
     """A notebook with these cells."""
     cells = [nbformat.v4.new_code_cell(source) for source in sources]
+    cells.append(nbformat.v4.new_markdown_cell("# What is six times seven?"))
     nbformat.write(nbformat.v4.new_notebook(cells=cells), folder / "made.ipynb")
     return folder / "made.ipynb"
 
@@ -58,6 +59,8 @@ def test_a_page_has_what_cells_show(tmp_path: Path) -> None:
     text = page.read_text(encoding="utf-8")
     assert "<pre>42\n</pre>" in text
     assert 'fill="#123456"' in text.split("<pre>42")[1]
+    assert "<title>What is six times seven?</title>" in text
+    assert "<script" not in text
 
 
 @pytest.mark.parametrize(
