@@ -20,7 +20,7 @@ BOUNDS_DIR = build/bounds
 # Further words for the command, such as ARGS="--site small --robots 8".
 ARGS =
 
-.PHONY: help setup demo test test-all test-rules test-bounds test-stacks zoo check format bench docs hooks hooks-check clean
+.PHONY: help setup demo test test-all test-rules test-bounds test-stacks notebooks zoo check format bench docs hooks hooks-check clean
 
 help: ## List the targets.
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -66,6 +66,9 @@ test: $(STAMP) ## All tests but the slow ones.
 
 test-all: $(STAMP) ## All tests.
 	@$(BIN)/python -m pytest -q -n $(JOBS) --dist loadfile $(ARGS)
+
+notebooks: $(STAMP) ## Run all notebooks and write them as pages into build/notebooks; ARGS names some.
+	@$(BIN)/python -m notebooks $(ARGS)
 
 test-rules: $(STAMP) ## Line coverage of the dispatch rules by their unit tests alone.
 	@NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -q tests/unit/fleet/missions tests/unit/fleet/dispatch \

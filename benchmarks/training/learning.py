@@ -26,11 +26,11 @@ from benchmarks.harness import Kind, Row, Trial
 from benchmarks.training.goals import Goal, mean_of
 from benchmarks.training.lessons import LESSONS, Lesson
 from benchmarks.training.transfer import play_transfer, write_shares
+from fleet.charts.curves import XyCurve, draw_curves
 from fleet.charts.statistics import estimate
-from fleet.training.curve import LearningCurve, draw_curves
 from fleet.training.evaluation import RETURN
 from fleet.training.recipes import RECIPES
-from fleet.training.results import CONFIG, EPISODES, EVALUATION, PROGRESS, SCRIPTED
+from fleet.training.results import CONFIG, EPISODES, EVALUATION, PROGRESS, SCRIPTED, STEPS
 
 N_AT_ONCE = 2
 N_QUICK_EPISODES, N_QUICK_STEPS = 2, 20_000
@@ -159,13 +159,13 @@ def _document(recipe: str, lesson: Lesson, seeds: Sequence[int], runs: Sequence[
     (DOCUMENTS / f"{recipe}.json").write_text(json.dumps(settings, indent=2) + "\n", encoding="utf-8")
     middle = curves.mean(axis=0)
     band = [(float(low), float(high)) for low, high in zip(curves.min(axis=0), curves.max(axis=0), strict=True)]
-    curve = [LearningCurve(name="learned", points=list(zip(steps.tolist(), middle.tolist(), strict=True)), band=band)]
+    curve = [XyCurve(name="learned", points=list(zip(steps.tolist(), middle.tolist(), strict=True)), band=band)]
     found = [_evaluation(out) for out in runs]
     for policy in found[0]["gain"]:
         level = float(np.mean([one["policies"][policy][chief]["mean"] for one in found]))
-        curve.append(LearningCurve(name=policy, points=[(float(steps[-1]), level)]))
+        curve.append(XyCurve(name=policy, points=[(float(steps[-1]), level)]))
     title = f"{recipe}: {chief} per episode while learning, {len(seeds)} seeds (band: all of them)"
-    draw_curves(title, chief, curve).write_png(DOCUMENTS / f"{recipe}.png")
+    draw_curves(title, STEPS, chief, curve).write_png(DOCUMENTS / f"{recipe}.png")
     if lesson.success is not None:
         fidelities = {lesson.fidelity: runs, "physics": [out / "physics" for out in runs]}
         folders = {("all", fidelity): list(played) for fidelity, played in fidelities.items()}

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from html import escape
-from itertools import pairwise
+from itertools import chain, pairwise
 from pathlib import Path
 
 Spot = tuple[float, float]
@@ -73,7 +73,20 @@ class Words:
     bold: bool = False
 
 
-Mark = Line | Area | Dot | Box | Words
+@dataclass(frozen=True, kw_only=True)
+class MovingDot:
+    """A dot, with a word in it if there is one, that goes along a line, and begins again; a PNG has it at its start."""
+
+    points: Sequence[Spot]
+    """Where it is after equal times."""
+    lasts_s: float
+    """Time from the first point to the last [s]."""
+    color: str
+    radius: float = 9.0
+    text: str = ""
+
+
+Mark = Line | Area | Dot | Box | Words | MovingDot
 
 
 @dataclass(kw_only=True)
@@ -90,6 +103,10 @@ class Drawing:
         size = f'viewBox="0 0 {self.width} {self.height}" width="{self.width}" height="{self.height}"'
         return f'<svg xmlns="http://www.w3.org/2000/svg" {size} font-family="{FONT}" role="img">\n{body}\n</svg>'
 
+    def _repr_html_(self) -> str:
+        """What a notebook shows: on white, also where its page is dark."""
+        return self.svg().replace("<svg ", '<svg style="background:#ffffff;max-width:100%;height:auto" ', 1)
+
     def write(self, folder: Path, name: str) -> None:
         """Write ``NAME.svg`` and ``NAME.png`` into a folder."""
         (folder / f"{name}.svg").write_text(self.svg() + "\n", encoding="utf-8")
@@ -103,7 +120,7 @@ class Drawing:
         zoom = 2 * SCALE
         image = Image.new("RGB", (self.width * zoom, self.height * zoom), "white")
         pen = ImageDraw.Draw(image, "RGBA")
-        for mark in self.marks:
+        for mark in chain.from_iterable(map(_still, self.marks)):
             if isinstance(mark, Area):
                 pen.polygon(_zoomed(mark.points, zoom), fill=f"{mark.color}{round(255 * _PALE):02x}")
             elif isinstance(mark, Line):
@@ -121,6 +138,16 @@ class Drawing:
                 spot = _zoomed([mark.at], zoom)[0]
                 pen.text(spot, mark.text, fill=mark.color, font=font, anchor=anchor, stroke_width=bold // 2)
         image.resize((self.width * SCALE, self.height * SCALE), Image.Resampling.LANCZOS).save(path, format="PNG")
+
+
+def _still(mark: Mark) -> Sequence[Line | Area | Dot | Box | Words]:
+    """A mark without its motion."""
+    if not isinstance(mark, MovingDot):
+        return (mark,)
+    (x, y), size = mark.points[0], 1.2 * mark.radius
+    word = Words(at=(x, y + 0.35 * size), text=mark.text, size=size, color="#ffffff", anchor="middle", bold=True)
+    dot = Dot(at=(x, y), color=mark.color, radius=mark.radius)
+    return (dot, word) if mark.text else (dot,)
 
 
 def _zoomed(points: Sequence[Spot], zoom: int) -> list[Spot]:
@@ -141,6 +168,12 @@ def _dashes(points: Sequence[Spot], length: float = 5.0) -> list[list[Spot]]:
 
 
 def _svg(mark: Mark) -> str:
+    if isinstance(mark, MovingDot):
+        x0, y0 = mark.points[0]
+        places = ";".join(f"{x - x0:.1f},{y - y0:.1f}" for x, y in mark.points)
+        how = f'attributeName="transform" type="translate" dur="{mark.lasts_s:g}s" repeatCount="indefinite"'
+        body = "".join(_svg(still) for still in _still(mark))
+        return f'<g>{body}<animateTransform {how} values="{places}"/></g>'
     if isinstance(mark, Words):
         weight = ' font-weight="600"' if mark.bold else ""
         at = f'x="{mark.at[0]:.1f}" y="{mark.at[1]:.1f}" font-size="{mark.size:g}"'

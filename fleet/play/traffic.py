@@ -150,6 +150,6 @@ def traffic_config(simulation: Simulation, settings: Mapping[str, Any]) -> Traff
             "site": config.site,
             "n_cars": config.robots,
             "fidelity": str(config.fidelity),
-            "max_cycles": max(1, round(config.duration_s / TIMESTEP_S) + 1),
+            "max_cycles": round(config.duration_s / ASK_S) + 1,
         }
     )

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import csv
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from html import escape
 from pathlib import Path
 from typing import Any
 
@@ -36,6 +38,15 @@ class Table:
         for values in zip(*(column.tolist() for column in self.columns.values()), strict=True):
             yield dict(zip(self.columns, values, strict=True))
 
+    def _repr_html_(self) -> str:
+        """What a notebook shows."""
+        head = "".join(f"<th>{escape(name)}</th>" for name in self.columns)
+        body = "".join(
+            "<tr>" + "".join(f"<td>{escape(_said(value))}</td>" for value in row.values()) + "</tr>"
+            for row in self.rows()
+        )
+        return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+
     def write_csv(self, directory: Path) -> Path:
         """Write `<name>.csv` into a directory; unknown numbers are left empty. Returns its path."""
         path = directory / f"{self.name}.csv"
@@ -53,6 +64,13 @@ class Table:
             NoPandas: pandas is not installed.
         """
         return data_frame({name: column.tolist() for name, column in self.columns.items()})
+
+
+def _said(value: Any) -> str:
+    """A value for people; empty if it is not known."""
+    if isinstance(value, float):
+        return "" if math.isnan(value) else f"{value:.4g}" if abs(value) < 1000.0 else f"{value:.0f}"
+    return str(value)
 
 
 def table(name: str, heads: Sequence[str], rows: Sequence[Sequence[Any]]) -> Table:

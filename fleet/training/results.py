@@ -11,8 +11,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from fleet.charts.curves import XyCurve, draw_curves
 from fleet.recording import versions
-from fleet.training.curve import LearningCurve, draw_curves
 from fleet.training.errors import TrainingError
 from fleet.training.evaluation import AGENT_MINUTES, RETURN, Score
 from fleet.training.intervals import difference, interval
@@ -28,6 +28,8 @@ CONFIG, PROGRESS, EPISODES, EVALUATION, PLOT, RECORDING = (
     "curves.rrd",
 )
 CHECKPOINT = "checkpoint.pt"
+STEPS = "steps of agents"
+"""What goes across in a curve of learning."""
 LEARNED, SCRIPTED, RANDOM = "learned", "scripted", "random"
 """Names of the policies that are compared."""
 
@@ -72,8 +74,8 @@ def draw_progress(folder: Path, rows: Sequence[Mapping[str, float]], figure: str
     """Draw the curve of all updates."""
     found = [(row["steps"], row[figure]) for row in rows if not math.isnan(row[figure])]
     if found:
-        curve = LearningCurve(name=LEARNED, points=found)
-        draw_curves(f"{figure} per episode while learning", figure, [curve]).write_png(folder / PLOT)
+        curve = XyCurve(name=LEARNED, points=found)
+        draw_curves(f"{figure} per episode while learning", STEPS, figure, [curve]).write_png(folder / PLOT)
 
 
 def write_episodes(folder: Path, scores: Mapping[str, Sequence[Score]], seeds: Sequence[int]) -> None:

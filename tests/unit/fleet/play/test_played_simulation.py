@@ -198,6 +198,13 @@ def test_cars_that_take_nothing_are_given_tasks() -> None:
     assert dispatch.decisions.n_policy > 0  # it was free to wait, for a while
 
 
+def test_a_policy_of_traffic_is_asked_up_to_the_end_of_the_time() -> None:
+    traffic = played_policy("traffic", "pibt", 0)
+    summary, _ = played({"traffic": traffic}, n_tasks=12, duration_s=30.0)
+    assert summary.sim_s == 30.0
+    assert summary.tasks_done < 12
+
+
 def test_cars_that_go_nowhere_are_moved_on() -> None:
     traffic = of(Idle())
     summary, why = played({"traffic": traffic}, n_tasks=1, robots=1)
