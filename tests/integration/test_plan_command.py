@@ -192,7 +192,7 @@ def test_settings_and_a_planner_of_one_s_own(floor: Path, tmp_path: Path, capsys
     code, said, _ = plan([*words, "--planner", "planners.mapf.sipp.sipp.Sipp", "--planner-setting", "orders=3"], capsys)
     assert (code, "legal" in said) == (0, True)
     for planner, wrong in (
-        ("sipp", "setting 'nodes' of planner 'sipp' is unknown; valid: orders"),
+        ("sipp", "setting 'nodes' of planner 'sipp' is unknown (did you mean orders?); valid: orders"),
         ("tests.unit.planners.own_members.ListPlanner", "this planner has no settings"),
         ("nope", "--planner is 'nope'; valid: lacam, sipp, cbs or package.module.Class"),
     ):

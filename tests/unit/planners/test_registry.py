@@ -87,7 +87,11 @@ def test_settings_reach_the_planner_and_the_allocator() -> None:
 @pytest.mark.parametrize(
     ("name", "settings", "message"),
     [
-        ("pibt", {"impatienc": 1}, "setting 'impatienc' of planner 'pibt' is unknown; valid: impatience"),
+        (
+            "pibt",
+            {"impatienc": 1},
+            "setting 'impatienc' of planner 'pibt' is unknown (did you mean impatience?); valid: impatience",
+        ),
         ("pibt", {"impatience": "x"}, "setting 'impatience' of planner 'pibt' is 'x'; valid: a number"),
         ("pibt", {"impatience": True}, "setting 'impatience' of planner 'pibt' is True; valid: a number"),
         ("pibt", {"impatience": -1}, "pibt: impatience = -1; valid: a number >= 0"),
