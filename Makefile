@@ -20,7 +20,7 @@ BOUNDS_DIR = build/bounds
 # Further words for the command, such as ARGS="--site small --robots 8".
 ARGS =
 
-.PHONY: help setup demo test test-all test-rules test-bounds test-stacks notebooks zoo check format bench docs hooks hooks-check clean
+.PHONY: help setup demo test test-long test-all test-rules test-bounds test-stacks notebooks zoo check format bench docs hooks hooks-check clean
 
 help: ## List the targets.
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -61,8 +61,11 @@ $(STAMP): pyproject.toml
 demo: $(STAMP) ## Three cars and the arms of a site deliver parcels; ARGS adds options.
 	@$(BIN)/python -m fleet.demo --robots 3 $(ARGS)
 
-test: $(STAMP) ## All tests but the slow ones.
-	@$(BIN)/python -m pytest -q -m "not slow" -n $(JOBS) --dist loadfile $(ARGS)
+test: $(STAMP) ## The tests, but those of whole runs and pages and the slow ones.
+	@$(BIN)/python -m pytest -q -m "not slow and not long" -n $(JOBS) --dist loadfile $(ARGS)
+
+test-long: $(STAMP) ## The tests of whole runs, of the pages of the guide and of the benchmarks.
+	@$(BIN)/python -m pytest -q -m "long and not slow" -n $(JOBS) --dist loadfile $(ARGS)
 
 test-all: $(STAMP) ## All tests.
 	@$(BIN)/python -m pytest -q -n $(JOBS) --dist loadfile $(ARGS)

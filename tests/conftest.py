@@ -18,6 +18,41 @@ if TYPE_CHECKING:
 os.environ.setdefault("RERUN_STRICT", "1")
 
 REPOSITORY = Path(__file__).resolve().parent.parent
+LONG = (
+    "tests/architecture/test_extend.py",
+    "tests/contract/test_envs.py",
+    "tests/guide",
+    "tests/integration/test_arm_workers.py",
+    "tests/integration/test_asked_in_turn.py",
+    "tests/integration/test_booking.py",
+    "tests/integration/test_camera_picking.py",
+    "tests/integration/test_charging.py",
+    "tests/integration/test_connect_modes.py",
+    "tests/integration/test_disturbances.py",
+    "tests/integration/test_export_command.py",
+    "tests/integration/test_imported_sites.py",
+    "tests/integration/test_mixed_runs.py",
+    "tests/integration/test_replay_command.py",
+    "tests/integration/test_safety_check.py",
+    "tests/integration/test_scale_commands.py",
+    "tests/integration/test_study_command.py",
+    "tests/integration/test_tiled_runs.py",
+    "tests/integration/test_twin.py",
+    "tests/integration/test_two_way.py",
+    "tests/unit/benchmarks",
+    "tests/unit/fleet/cli/test_lorr.py",
+    "tests/unit/fleet/world/test_tiled.py",
+    "tests/zoo",
+)
+"""Files and folders of the tests that play whole runs and pages; `make test-long` has them."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark what stands in `LONG`."""
+    for item in items:
+        path = item.path.relative_to(REPOSITORY).as_posix()
+        if any(path == one or path.startswith(f"{one}/") for one in LONG):
+            item.add_marker("long")
 
 
 @pytest.fixture(autouse=True)
