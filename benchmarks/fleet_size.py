@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.harness import Benchmark, Kind, Row, Trial, in_groups, main
+from benchmarks.harness import Kind, Row, Trial, grouped, main
 from fleet.config import ArmConfig, Fidelity, RunConfig
 from fleet.simulation import Simulation
 from fleet.tasks.board import OPEN_STATES
@@ -122,11 +122,10 @@ def _run(trial: Trial, config: RunConfig, warm_s: float, sim_s: float) -> Stretc
 
 GROUPS = {str(fidelity): _measure(fidelity) for fidelity in BEFORE_S}
 
-BENCHMARK = Benchmark(
+BENCHMARK = grouped(
+    GROUPS,
     name="fleet_size",
     summary=f"{N_CARS:,} cars and {N_TASKS:,} open tasks on 110 x 180 cells: what a simulated second costs",
-    measure=in_groups(GROUPS),
-    groups=tuple(GROUPS),
     profiles=True,
 )
 

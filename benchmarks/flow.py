@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.harness import Benchmark, Row, Trial, in_groups, main
+from benchmarks.harness import Row, Trial, grouped, main
 from fleet.config import ArmConfig, Fidelity, RunConfig, TrafficConfig
 from fleet.insight.bounds import Bounds, bounds_of, deliveries_of
 from fleet.insight.metrics import Summary
@@ -274,13 +274,12 @@ GROUPS = {
     "physics": _physics,
 }
 
-BENCHMARK = Benchmark(
+BENCHMARK = grouped(
+    GROUPS,
     name="flow",
     summary="Deliveries an hour while more orders wait than can be done, and the share of what could be at most",
-    measure=in_groups(GROUPS),
     seeds=(0, 1, 2, 3, 4),
     quick_seeds=(0,),
-    groups=tuple(GROUPS),
 )
 
 if __name__ == "__main__":

@@ -185,18 +185,39 @@ class Benchmark:
     """Whether it can say where the time went."""
 
 
-def in_groups(groups: Mapping[str, Callable[[Trial], Iterable[Row]]]) -> Callable[[Trial], Iterable[Row]]:
-    """A benchmark's `measure` that runs the groups that were asked for, in the order they were asked for.
+def grouped(
+    groups: Mapping[str, Callable[[Trial], Iterable[Row]]],
+    *,
+    name: str,
+    summary: str,
+    seeds: tuple[int, ...] = (0,),
+    quick_seeds: tuple[int, ...] = (0,),
+    profiles: bool = False,
+) -> Benchmark:
+    """A benchmark that runs the groups that were asked for, in the order they were asked for.
 
     Args:
         groups: What measures each group, by name.
+        name: As of `Benchmark`, like all that follows.
+        summary: What it measures.
+        seeds: Of its cases.
+        quick_seeds: Those of a quick run.
+        profiles: Whether it can say where the time went.
     """
 
     def measure(trial: Trial) -> Iterable[Row]:
-        for name in trial.groups:
-            yield from groups[name](trial)
+        for group in trial.groups:
+            yield from groups[group](trial)
 
-    return measure
+    return Benchmark(
+        name=name,
+        summary=summary,
+        measure=measure,
+        seeds=seeds,
+        quick_seeds=quick_seeds,
+        groups=tuple(groups),
+        profiles=profiles,
+    )
 
 
 def main(benchmark: Benchmark, argv: Sequence[str] | None = None, console: Console | None = None) -> int:

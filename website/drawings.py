@@ -18,7 +18,7 @@ from fleet.insight.causes import Column
 from fleet.simulation import Simulation
 from maps.lane_graph import MoveKind, build_lane_graph
 from maps.site import load_site
-from website.floor_sheet import INK, FloorSheet
+from website.floor_sheet import EDGE, INK, FloorSheet
 
 SITE = "small"
 MOMENT = RunConfig(site=SITE, robots=6, seed=3, fidelity=Fidelity.KINEMATIC)
@@ -60,7 +60,7 @@ def lane_graph() -> Drawing:
     ]
     turn = next(move for move in moves if graph.move_kind[move] == MoveKind.LEFT)
     for cell in graph.swept_cell[graph.swept_ptr[turn] : graph.swept_ptr[turn + 1]].tolist():
-        sheet.cell(cell, COLORS[3], opacity=0.35, title="swept by the thick move")
+        sheet.cell(cell, COLORS[3], share=1.0 - EDGE, opacity=0.35, title="swept by the thick move")
     for move in moves:
         points = graph.path_points[graph.path_ptr[move] : graph.path_ptr[move + 1], :2]
         color = KIND_COLORS[MoveKind(int(graph.move_kind[move]))]
@@ -140,7 +140,7 @@ def grants() -> Drawing:
     seen, sheet = moment(), _floor()
     for cell, (holder, visitor) in enumerate(zip(seen.holders.tolist(), seen.next_visitors.tolist(), strict=True)):
         if holder >= 0:
-            sheet.cell(cell, COLORS[holder], opacity=0.55, title=f"held by car_{holder}")
+            sheet.cell(cell, COLORS[holder], share=1.0 - EDGE, opacity=0.55, title=f"held by car_{holder}")
         if visitor not in (-1, holder):
             sheet.cell(cell, COLORS[visitor], share=0.3, title=f"car_{visitor} comes next")
     _cars(sheet, seen)

@@ -15,7 +15,7 @@ from benchmarks.arms.grasp import measure_grasp
 from benchmarks.arms.inverse import measure_inverse
 from benchmarks.arms.pair import measure_pair
 from benchmarks.arms.plans import measure_plans
-from benchmarks.harness import Benchmark, Row, Trial, in_groups
+from benchmarks.harness import Row, Trial, grouped
 
 GROUPS: dict[str, Callable[[Trial], Iterable[Row]]] = {
     "plans": measure_plans,
@@ -28,11 +28,10 @@ GROUPS: dict[str, Callable[[Trial], Iterable[Row]]] = {
 }
 
 
-BENCHMARK = Benchmark(
+BENCHMARK = grouped(
+    GROUPS,
     name="arms",
     summary="arms: collision checks, inverse kinematics, plans, grasps and picking by camera",
-    measure=in_groups(GROUPS),
     seeds=(0,),
     quick_seeds=(0,),
-    groups=tuple(GROUPS),
 )

@@ -7,15 +7,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 
-from benchmarks.harness import Benchmark, Row, Trial, in_groups
+from benchmarks.harness import Row, Trial, grouped
 from benchmarks.insight.explain import measure_explain
 from benchmarks.insight.recording import measure_recording
 
 GROUPS: dict[str, Callable[[Trial], Iterable[Row]]] = {"explain": measure_explain, "recording": measure_recording}
 
-BENCHMARK = Benchmark(
+BENCHMARK = grouped(
+    GROUPS,
     name="insight",
     summary="why robots wait, where the time went, and what it costs to know",
-    measure=in_groups(GROUPS),
-    groups=tuple(GROUPS),
 )

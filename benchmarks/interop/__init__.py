@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 
-from benchmarks.harness import Benchmark, Row, Trial, in_groups
+from benchmarks.harness import Row, Trial, grouped
 from benchmarks.interop.broken import measure_broken
 from benchmarks.interop.lif import measure_lif
 from benchmarks.interop.opentcs import measure_opentcs
@@ -23,9 +23,8 @@ GROUPS: dict[str, Callable[[Trial], Iterable[Row]]] = {
     "broken": measure_broken,
 }
 
-BENCHMARK = Benchmark(
+BENCHMARK = grouped(
+    GROUPS,
     name="interop",
     summary="runs and floors that others read, and floors of others that drive",
-    measure=in_groups(GROUPS),
-    groups=tuple(GROUPS),
 )

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 
-from benchmarks.harness import Benchmark, Row, Trial, in_groups
+from benchmarks.harness import Row, Trial, grouped
 from benchmarks.mapf.crowded import measure_crowded
 from benchmarks.mapf.floors import measure_floors
 from benchmarks.mapf.frozen import measure_frozen
@@ -35,11 +35,10 @@ GROUPS: dict[str, Callable[[Trial], Iterable[Row]]] = {
 }
 
 
-BENCHMARK = Benchmark(
+BENCHMARK = grouped(
+    GROUPS,
     name="mapf",
     summary="path planning for fleets, against the best published planners",
-    measure=in_groups(GROUPS),
     seeds=(0, 1, 2),
     quick_seeds=(0,),
-    groups=tuple(GROUPS),
 )

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from benchmarks.harness import Benchmark, in_groups
+from benchmarks.harness import grouped
 from benchmarks.reliability.chaos import measure_chaos
 from benchmarks.reliability.day import measure_day
 from benchmarks.reliability.dips import measure_dips
@@ -28,9 +28,8 @@ GROUPS = {
     "actions": measure_actions,
 }
 
-BENCHMARK = Benchmark(
+BENCHMARK = grouped(
+    GROUPS,
     name="reliability",
     summary="Runs with faults of all kinds, killed runs, random worlds; mutated files and odd actions",
-    measure=in_groups(GROUPS),
-    groups=tuple(GROUPS),
 )

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from benchmarks.harness import Benchmark, in_groups
+from benchmarks.harness import grouped
 from benchmarks.scale.agreement import measure_agreement
 from benchmarks.scale.bare_loop import measure_bare_loop
 from benchmarks.scale.recorded import measure_recorded
@@ -24,9 +24,8 @@ GROUPS = {
     "agreement": measure_agreement,
 }
 
-BENCHMARK = Benchmark(
+BENCHMARK = grouped(
+    GROUPS,
     name="scale",
     summary="Speed and memory of fleets of 50 to 10,000 cars at each fidelity, and how far the fidelities agree",
-    measure=in_groups(GROUPS),
-    groups=tuple(GROUPS),
 )

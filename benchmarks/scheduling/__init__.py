@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 
-from benchmarks.harness import Benchmark, Row, Trial, in_groups
+from benchmarks.harness import Row, Trial, grouped
 from benchmarks.scheduling.coupled import measure_coupled
 from benchmarks.scheduling.day import measure_day
 from benchmarks.scheduling.matching import measure_matching
@@ -24,11 +24,10 @@ GROUPS: dict[str, Callable[[Trial], Iterable[Row]]] = {
 }
 
 
-BENCHMARK = Benchmark(
+BENCHMARK = grouped(
+    GROUPS,
     name="scheduling",
     summary="tasks, vehicles and stations: matching, and plans for all of them at once",
-    measure=in_groups(GROUPS),
     seeds=(0, 1, 2),
     quick_seeds=(0,),
-    groups=tuple(GROUPS),
 )

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from benchmarks.harness import Benchmark, in_groups
+from benchmarks.harness import grouped
 from benchmarks.training import layers
 from benchmarks.training.congestion import measure_traffic
 from benchmarks.training.due_dates import measure_due_dates
@@ -28,11 +28,10 @@ GROUPS = {
     "play": measure_fleet_play,
 }
 
-BENCHMARK = Benchmark(
+BENCHMARK = grouped(
+    GROUPS,
     name="training",
     summary="Environments: steps per second of CPU time, policies, learning",
-    measure=in_groups(GROUPS),
     seeds=(0, 1, 2, 3, 4),
     quick_seeds=(0,),
-    groups=tuple(GROUPS),
 )

@@ -12,6 +12,7 @@ import tyro
 from rich.console import Console
 
 from fleet.cli.diff import DIFFERENT, SAME, figures_table, sentences
+from fleet.cli.recordings.run_recording import run_of
 from fleet.cli.run_output import INTERRUPTED, plain_console, run_table, show_recording
 from fleet.errors import ConfigError
 
@@ -42,10 +43,9 @@ class Replay:
 
     def run(self) -> int:
         """Run again and say what came of it; returns the exit status."""
-        from fleet.recording.run_file import EVENTS
         from fleet.replay.again import load_recorded
 
-        folder = self.folder.parent if self.folder.name == EVENTS else self.folder
+        folder = run_of(self.folder)
         self._check()
         recorded = load_recorded(folder)
         return self._repeat(recorded) if self.at is None else self._what_if(recorded, self.at)

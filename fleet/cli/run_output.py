@@ -122,9 +122,9 @@ def run_table(results: Mapping[str, Mapping[str, Any]], *, change: bool = False,
 
 def show_recording(console: Console, recording: Path, *, view: bool) -> None:
     """Open the viewer on a recording if that is wanted and possible, else say how to look at it."""
-    from fleet.recording.rerun_cli import rerun_program
-
     if view and (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY") or sys.platform in ("darwin", "win32")):
+        from fleet.recording.rerun_cli import rerun_program
+
         subprocess.Popen(
             [rerun_program(), "--bind", "127.0.0.1", recording], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
         )

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
+from fleet.cli.recordings.run_recording import run_of
 from fleet.cli.run_output import plain_console
 from maps.reading.near import hint
 
@@ -39,7 +40,7 @@ class Why:
         from fleet.report.loaded_run import check_events
         from fleet.report.order_history import orders_of
 
-        folder = self.folder.parent if self.folder.name == EVENTS else self.folder
+        folder = run_of(self.folder)
         events = read_run(folder).events
         log, codebook = read_causes(events, str(folder / EVENTS))
         check_events(events, folder / EVENTS)

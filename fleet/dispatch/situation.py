@@ -94,14 +94,12 @@ class Situation:
             return self
         gives = np.zeros(len(can_take), dtype=np.bool_)
         gives[list(self.held)] = True
+        free, held = (can_take & ~gives).nonzero()[0], gives.nonzero()[0]
         soon = soon[np.argsort(self.free_s[soon], kind="stable")][: most // 4]
-        free = _in_turn((can_take & ~gives).nonzero()[0], most // 2, turn)
-        held = _in_turn(gives.nonzero()[0], most - len(soon) - len(free), turn)
-        free = _in_turn((can_take & ~gives).nonzero()[0], most - len(soon) - len(held), turn)
-        asked = np.zeros(len(can_take), dtype=np.bool_)
-        asked[free] = asked[held] = True
-        comes = np.zeros(len(can_take), dtype=np.bool_)
-        comes[soon] = True
+        held = _in_turn(held, most - len(soon) - min(len(free), most // 2), turn)
+        free = _in_turn(free, most - len(soon) - len(held), turn)
+        asked, comes = np.zeros((2, len(can_take)), dtype=np.bool_)
+        asked[free] = asked[held] = comes[soon] = True
         return replace(
             self,
             standing=np.where(can_take & ~asked, _NOT_ASKED, self.standing),

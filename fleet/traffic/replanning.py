@@ -218,11 +218,8 @@ class Traffic:
 
     def _step(self, tables: DistanceTable, state: int, goal: int) -> tuple[int, int]:
         """Cell and state that come next on the shortest way."""
-        states, left = tables.after(state), tables.to(goal)
-        if not states.size or left[state] >= UNREACHABLE:
-            return NO_CELL, state
-        best = int(states[left[states].argmin()])
-        return int(tables.graph.state_cell[best]), best
+        after = tables.next_state(state, goal)
+        return (int(tables.graph.state_cell[after]), after) if after >= 0 else (NO_CELL, state)
 
     def _count_blocked(self, cells: list[int], change: int, *, for_good: bool) -> None:
         self.discard()

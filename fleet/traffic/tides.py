@@ -10,7 +10,7 @@ import numpy as np
 from fleet.arrays import BoolArray, CellArray
 from fleet.traffic.narrow_aisles import narrow_aisles
 from maps.lane_graph import REVERSE, LaneGraph
-from planners.mapf.distance_table import UNREACHABLE, DistanceTable
+from planners.mapf.distance_table import DistanceTable
 from planners.mapf.problem import NO_GOAL
 
 ENTRY_MOVES = 4
@@ -156,7 +156,4 @@ class Tides:
 
 def _next(ways: DistanceTable, state: int, goal: int) -> int:
     """The state that comes next on the shortest way, `NOWHERE` at its end or if there is none."""
-    states, left = ways.after(state), ways.to(goal)
-    if state == goal or not states.size or left[state] >= UNREACHABLE:
-        return NOWHERE
-    return int(states[left[states].argmin()])
+    return NOWHERE if state == goal else ways.next_state(state, goal)

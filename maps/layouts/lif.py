@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any, Literal
 
@@ -206,8 +207,7 @@ def read_lif(text: str, where: str) -> FloorLayout:
                     )
                 )
     marked = tuple(
-        LayoutNode(**{**vars(node), "parking": node.name in marks["parking"], "charger": node.name in marks["charger"]})
-        for node in nodes
+        replace(node, parking=node.name in marks["parking"], charger=node.name in marks["charger"]) for node in nodes
     )
     made = FloorLayout(name=layout.layoutId, nodes=marked, edges=tuple(edges), stations=tuple(stations))
     return checked_layout(made, where)

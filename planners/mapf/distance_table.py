@@ -184,6 +184,11 @@ class DistanceTable:
         _next_states(states, row, rows, (graph.out_ptr, graph.out_move, graph.move_to), after)
         return after
 
+    def next_state(self, state: int, goal: int) -> int:
+        """The same for one state and one goal."""
+        states, left = self.after(state), self.to(goal)
+        return int(states[left[states].argmin()]) if states.size and left[state] < UNREACHABLE else -1
+
     def reprice(self, costs: npt.NDArray[np.int64], goals: IntArray) -> None:
         """Let cells cost something else from now on.
 

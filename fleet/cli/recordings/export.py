@@ -9,6 +9,7 @@ from typing import Annotated
 
 import tyro
 
+from fleet.cli.recordings.run_recording import run_of
 from fleet.cli.run_output import plain_console
 from fleet.config import require
 
@@ -28,13 +29,12 @@ class Export:
 
     def run(self) -> int:
         """Make the run again and write it down; one that does not come out the same raises."""
-        from fleet.recording.run_file import EVENTS
         from fleet.replay.again import load_recorded
         from fleet.replay.export import export_mcap
         from fleet.terminal.progress_bar import Bar
 
         require(0.0 < self.rate_hz <= MOST_HZ, "--rate-hz", self.rate_hz, f"a number > 0, at most {MOST_HZ:g}")
-        folder = self.folder.parent if self.folder.name == EVENTS else self.folder
+        folder = run_of(self.folder)
         recorded = load_recorded(folder)
         n_ticks = recorded.run.trace.n_ticks
         with Bar(n_ticks, "ticks", shown=sys.stdout.isatty()) as bar:

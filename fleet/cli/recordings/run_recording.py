@@ -1,4 +1,4 @@
-"""Which recording a command is about."""
+"""Which run or recording a command is about."""
 
 from __future__ import annotations
 
@@ -24,3 +24,10 @@ def recording_of(folder: Path) -> Path:
     if not path.exists():
         raise ConfigError(f"no recording at {path}; valid: the --out directory of a run without --no-record")
     return path
+
+
+def run_of(path: Path) -> Path:
+    """Directory of the run that is meant by that directory, or by the run file in it."""
+    from fleet.recording.run_file import EVENTS
+
+    return path.parent if path.name == EVENTS else path

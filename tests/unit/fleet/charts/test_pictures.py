@@ -102,13 +102,13 @@ def test_a_mover_is_animated_on_a_page_and_stands_in_a_picture(tmp_path: Path) -
 def test_a_floor_is_drawn_in_metres() -> None:
     site = load_site("cell")
     floor = FloorPicture(site, "The cell", cell_px=20.0)
-    assert all(inside(floor.sheet, mark) for mark in floor.sheet.marks)
-    assert {"The cell", "pick_1", "drop_1"} <= set(words(floor.sheet))
-    before = len(floor.sheet.marks)
+    assert all(inside(floor.drawing, mark) for mark in floor.drawing.marks)
+    assert {"The cell", "pick_1", "drop_1"} <= set(words(floor.drawing))
+    before = len(floor.drawing.marks)
     floor.line([(0.0, 0.0), (1.0, site.grid.rows)], "#ff0000")
     floor.cells([site.grid.index(0, 2)], "#00ff00")
     floor.mover([(0.5, 0.5), (1.5, 0.5)], "#0000ff", lasts_s=1.0)
-    line, cell, mover = floor.sheet.marks[before:]
+    line, cell, mover = floor.drawing.marks[before:]
     assert isinstance(line, Line)
     (x0, y0), (x1, y1) = line.points
     assert (x1 - x0, y0 - y1) == (20.0, 20.0 * site.grid.rows)  # y goes up
@@ -117,10 +117,10 @@ def test_a_floor_is_drawn_in_metres() -> None:
     assert isinstance(mover, MovingDot)
     assert mover.points[1][0] - mover.points[0][0] == 20.0
     floor.words((0.0, 1.0), "at the edge")
-    assert inside(floor.sheet, floor.sheet.marks[-1])
-    assert floor._repr_html_() == floor.sheet._repr_html_()
+    assert inside(floor.drawing, floor.drawing.marks[-1])
+    assert floor._repr_html_() == floor.drawing._repr_html_()
 
 
 def test_a_picture_without_lanes_has_fewer_marks() -> None:
     site = load_site("cell")
-    assert len(FloorPicture(site, lanes=False).sheet.marks) < len(FloorPicture(site).sheet.marks) - len(site.lanes)
+    assert len(FloorPicture(site, lanes=False).drawing.marks) < len(FloorPicture(site).drawing.marks) - len(site.lanes)
