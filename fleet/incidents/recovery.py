@@ -22,6 +22,7 @@ from fleet.incidents.rejoin_room import (
     outline,
 )
 from fleet.missions.phases import CarPhase
+from fleet.robots.angle import wrapped
 from fleet.run.view import RunView
 from fleet.traffic.drivers import OFF_LANE_M, PathDriver
 from planners.motion.car.reeds_shepp import RejoinResult, plan_rejoin
@@ -328,8 +329,8 @@ class Recovery:
         run.executor.halt(car)
         run.traffic.set_fixed(car, True)
         run.dispatcher.rules.interventions.retire(car, CarPhase.RECOVERING, run.sim_s, reason)
-        x, y, yaw = (round(float(v), 3) for v in driver.estimate[car])
-        run.events.log("off_lane", car=f"car_{car}", x=x, y=y, yaw=yaw)
+        x, y, yaw = driver.estimate[car].tolist()
+        run.events.log("off_lane", car=f"car_{car}", x=round(x, 3), y=round(y, 3), yaw=round(wrapped(yaw), 3))
         self._rejoining[car] = _Rejoin(stage=_Stage.STOPPING, still_since=tick)
 
     def _watch(self, car: int, wreck: _Wreck, tick: int) -> None:

@@ -12,6 +12,7 @@ from scipy.optimize import linprog
 from scipy.sparse import csr_array
 
 from fleet.arrays import CellArray, FloatArray, IntArray
+from fleet.config import Fidelity
 from fleet.missions.turns import CHANGE_S
 from fleet.missions.ways import MOVE_M
 from fleet.run.view import RunView
@@ -24,6 +25,8 @@ from planners.mapf.distance_table import UNREACHABLE, DistanceTable
 HEADWAY_S = 2.35
 """Time from one car to the next in a lane at full speed [s]: what is seen most on a busy floor; 0.4 % of the cars
 follow by less than 2.15 s."""
+GRID_CHANGE_S, GRID_HEADWAY_S = 1.0, 1.0
+"""The same two on the grid, where a car takes a place a timestep after the one before has left it."""
 BOUNDS = ("cars", "arms", "lanes", "orders")
 """What may bind."""
 _FAR = 1e6
@@ -108,16 +111,20 @@ def bounds_of(run: RunView, deliveries: IntArray, time_s: float, *, from_start: 
     loaded = float((moves_between(free, stations.dock_states, stations.dock_states) * deliveries).sum())
     empty = fewest_empty_moves(free, stations.dock_states, deliveries, starts)
     served_s = float(((service_s[:, None] + service_s[None, :]) * deliveries).sum())
-    needed_s = (loaded + empty) * MOVE_M / PASS_SPEED_MPS + served_s
+    on_grid = run.config.fidelity is Fidelity.GRID
+    change_s, headway_s = (GRID_CHANGE_S, GRID_HEADWAY_S) if on_grid else (CHANGE_S, HEADWAY_S)
+    # A car on the grid is there as soon as its last move begins: each way, loaded or empty, takes one move less.
+    n_saved = min(loaded, n) + min(empty, n) if on_grid else 0
+    needed_s = (loaded + empty - n_saved) * MOVE_M / PASS_SPEED_MPS + served_s
 
-    cycle_s = np.maximum(service_s + CHANGE_S, stations.least_cycle_s(run.config.collect_after_s))
+    cycle_s = np.maximum(service_s + change_s, stations.least_cycle_s(run.config.collect_after_s))
     visits = deliveries.sum(axis=0) + deliveries.sum(axis=1)
     arm = int(np.argmax(cycle_s * visits))
     line = narrowest(lines_of(run.graph, run.site.grid.cols, stations.dock_states, deliveries))
     per_h = {
         "cars": 3600.0 * n * run.world.n_cars / needed_s,
         "arms": 3600.0 * n / float(cycle_s[arm] * visits[arm]),
-        "lanes": math.inf if line is None else 3600.0 * n * line.n_lanes / (HEADWAY_S * line.n_crossings),
+        "lanes": math.inf if line is None else 3600.0 * n * line.n_lanes / (headway_s * line.n_crossings),
         "orders": _orders_per_h(run),
     }
     binds = min(per_h, key=lambda name: per_h[name])

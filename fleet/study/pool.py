@@ -105,10 +105,10 @@ def _run_pool(
             if not ended:
                 yield None
     finally:
-        pool.shutdown(wait=False, cancel_futures=True)
         for process in set(multiprocessing.active_children()) - before:
             process.terminate()
-            process.join()
+        # The pool's own thread waits for the processes; one that is waited for by two threads may still be listed.
+        pool.shutdown(wait=True, cancel_futures=True)
 
 
 def _measure(config: RunConfig) -> Row:

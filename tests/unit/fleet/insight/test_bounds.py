@@ -103,6 +103,14 @@ def test_a_run_stays_below_its_bounds_and_says_which_binds() -> None:
     assert simulation.summary().bottleneck.startswith("cars: at most ")
 
 
+@pytest.mark.parametrize("robots", [2, 4])
+def test_a_saturated_run_on_the_grid_stays_below_its_bounds(robots: int) -> None:
+    stream = StreamConfig(rate_per_h=2000.0)
+    _, bounds = run(site="cell", robots=robots, fidelity=Fidelity.GRID, stream=stream, duration_s=1200.0)
+    assert bounds is not None
+    assert 0.8 < bounds.share < 1.0
+
+
 def test_arms_bind_where_cars_abound() -> None:
     simulation, bounds = run(robots=18, tasks=60)
     assert bounds is not None
