@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Literal
 
 import numpy as np
 
@@ -160,7 +161,7 @@ class CarSurroundings:
             return f"blockingType of {action.type} is {action.blocking.value}; valid: HARD, SOFT"
         station = self._floor.station(action, node)
         if station is None:
-            kind = "pick" if action.type == "pick" else "drop"
+            kind: Literal["pick", "drop"] = "pick" if action.type == "pick" else "drop"
             names = ", ".join(self._floor.run.site.station_names(kind))
             return f"node {shown(node.id)} is at no {kind} station; valid: {names}"
         named = action.parameters.get("stationName", station.name)

@@ -136,6 +136,7 @@ _UNKNOWN = {
             "state.instantActionStates",
             "state.zoneActionStates",
             "batteryCharging",
+            "blockingTypes",  # optional, and no value is valid by the schema of 2.1.0: a list that is one of three texts
         }
     ),
 }
@@ -197,7 +198,7 @@ def _second(name: str, version: str, **changed: Mapping[str, Mapping[str, str]])
         unknown=unknown,
         values=_VALUES,
         nearest=_NEAREST,
-        errors=_ERRORS,
+        errors={kind.value: word for kind, word in _ERRORS.items()},
         ellipses=False,
         edge_ends=True,
         instant_states=False,

@@ -68,14 +68,20 @@ class Position:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Node:
-    """Where to go, and what to do there."""
+class Part:
+    """A node or an edge."""
 
     id: str
     sequence: int
     released: bool
-    position: Position | None
     actions: tuple[Action, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Node(Part):
+    """Where to go, and what to do there."""
+
+    position: Position | None
 
     @property
     def stops(self) -> bool:
@@ -84,20 +90,17 @@ class Node:
 
     def body(self) -> dict[str, Any]:
         """As the state message has it."""
+        body = {"nodeId": self.id, "sequenceId": self.sequence, "released": self.released}
         # The schema of 2.0.0 wants an angle in every position of a state.
-        known = self.position is not None and self.position.theta is not None
-        position = {"nodePosition": self.position.body()} if known and self.position else {}
-        return {"nodeId": self.id, "sequenceId": self.sequence, "released": self.released, **position}
+        if self.position is not None and self.position.theta is not None:
+            body["nodePosition"] = self.position.body()
+        return body
 
 
 @dataclass(frozen=True, kw_only=True)
-class Edge:
+class Edge(Part):
     """The way from a node to the next."""
 
-    id: str
-    sequence: int
-    released: bool
-    actions: tuple[Action, ...]
     fields: Mapping[str, Any]
     """All that the message says of it."""
 
@@ -118,10 +121,14 @@ class Order:
     """The whole message without its header."""
 
     @property
+    def parts(self) -> list[Part]:
+        """Nodes and edges, in the order in which the vehicle comes to them."""
+        return sorted([*self.nodes, *self.edges], key=lambda part: part.sequence)
+
+    @property
     def actions(self) -> tuple[Action, ...]:
         """All actions, in the order in which the vehicle comes to them."""
-        parts = sorted((*self.nodes, *self.edges), key=lambda part: part.sequence)
-        return tuple(action for part in parts for action in part.actions)
+        return tuple(action for part in self.parts for action in part.actions)
 
     @property
     def maps(self) -> frozenset[str]:
@@ -176,19 +183,17 @@ def _check(order: Order) -> None:
     first = nodes[0].sequence
     if first % 2:
         raise MessageError(f"order.nodes[0].sequenceId is {first}; valid: an even number")
-    for name, parts, begin in (("nodes", nodes, first), ("edges", edges, first + 1)):
-        for k, part in enumerate(parts):
+    lists: tuple[tuple[str, Sequence[Part], int], ...] = (("nodes", nodes, first), ("edges", edges, first + 1))
+    for name, listed, begin in lists:
+        for k, part in enumerate(listed):
             if part.sequence != begin + 2 * k:
                 raise MessageError(f"order.{name}[{k}].sequenceId is {part.sequence}; valid: {begin + 2 * k}")
     if not nodes[0].released:
         raise MessageError("order.nodes[0].released is false; valid: true, the vehicle stands there")
-    parts = sorted((*nodes, *edges), key=lambda part: part.sequence)
     ended = False
-    for part in parts:
+    for part in order.parts:
         if part.released and ended:
-            raise MessageError(
-                f"order: {shown(part.id)} is released behind what is not; valid: a base, then a horizon"
-            )
+            raise MessageError(f"order: {shown(part.id)} is released behind what is not; valid: a base, then a horizon")
         ended |= not part.released
     for k, edge in enumerate(edges):
         if edge.released and not nodes[k + 1].released:
