@@ -136,7 +136,7 @@ _UNKNOWN = {
             "state.instantActionStates",
             "state.zoneActionStates",
             "batteryCharging",
-            "blockingTypes",  # optional, and no value is valid by the schema of 2.1.0: a list that is one of three texts
+            "blockingTypes",  # no value is valid by the schema of 2.1.0: a list that is one of three texts
         }
     ),
 }

@@ -4,7 +4,7 @@ import json
 from collections import defaultdict
 from typing import Any
 
-from fleet.config import Fidelity, RunConfig
+from fleet.config import ArmConfig, Fidelity, RunConfig
 from fleet.gateway import GatewayConfig, MasteredSimulation
 from fleet.gateway.transport import MemoryBroker
 from fleet.vda5050.codec import Codec
@@ -107,7 +107,8 @@ class Play:
         self.broker = broker or MemoryBroker()
         config = GatewayConfig(dialect=dialect)
         self.master = Master(self.broker, config)
-        usual: dict[str, Any] = {"site": "cell", "robots": 1, "fidelity": Fidelity.KINEMATIC, "duration_s": 3600.0}
+        usual: dict[str, Any] = {"site": "cell", "robots": 1, "fidelity": Fidelity.KINEMATIC}
+        usual["arms"] = ArmConfig(workers_n=0)  # a process of its own takes seconds to start
         self.run = MasteredSimulation(RunConfig(**usual | settings), config, self.broker)
         self.here = [self._name(int(state)) for state in self.run.view.setup.start_states]
         """The node at which each car begins."""

@@ -1,4 +1,4 @@
-"""Messages in every dialect: what is written is read again, and the official schemas of 2.1.0 and 3.0.0 find no fault."""
+"""Messages in every dialect: what is written is read again, and the official schemas find no fault."""
 
 import json
 from datetime import UTC, datetime
