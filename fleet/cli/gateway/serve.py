@@ -17,9 +17,12 @@ from fleet.config.scenario_file import read_events
 from fleet.errors import ConfigError
 from fleet.vda5050.dialects import DIALECTS
 
-if TYPE_CHECKING:  # need the extra
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from fleet.gateway.mqtt import BrokerAddress
     from fleet.gateway.transport import Transport
+    from fleet.run.events import Event
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,14 +100,15 @@ class Serve:
         session = SessionConfig(out=self.out, record=self.record, speed=self.speed, check=self.check)
         address = self._address()
         with ExitStack() as stack:
-            transport = self._transport(address, stack)
-            console = plain_console()
-            console.print(f"cars speak VDA 5050 {self.dialect} at {address.url}; Ctrl-C ends the run", soft_wrap=True)
-            result = run_session(
-                config,
-                session,
-                lambda config, *, on_event: MasteredSimulation(config, gateway, transport, on_event=on_event),
-            )
+            transport, console = self._transport(address, stack), plain_console()
+
+            def make(config: RunConfig, *, on_event: Callable[[Event], None]) -> MasteredSimulation:
+                simulation = MasteredSimulation(config, gateway, transport, on_event=on_event)
+                said = f"cars speak VDA 5050 {self.dialect} at {address.url}; Ctrl-C ends the run"
+                console.print(said, soft_wrap=True)
+                return simulation
+
+            result = run_session(config, session, make)
         console.print(run_table({"value": vars(result)}, short=True))
         if self.record:
             show_recording(console, self.out / RECORDING, view=False)

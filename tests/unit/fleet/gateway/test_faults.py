@@ -1,4 +1,4 @@
-"""What networks and machines do to messages: loss, repetition, delay, other orders; a broker that is gone, a dead car."""
+"""What networks and machines do: loss, repetition, delay, messages out of turn, a broker that is gone, a dead car."""
 
 from collections.abc import Sequence
 from typing import Any
