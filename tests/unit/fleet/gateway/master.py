@@ -7,6 +7,7 @@ from typing import Any
 from fleet.config import ArmConfig, Fidelity, RunConfig
 from fleet.gateway import GatewayConfig, MasteredSimulation
 from fleet.gateway.transport import MemoryBroker
+from fleet.safety.check import SafetyCheck
 from fleet.vda5050.codec import Codec
 from fleet.vda5050.dialects import DIALECTS
 from fleet.vda5050.envelope import Post
@@ -110,6 +111,7 @@ class Play:
         usual: dict[str, Any] = {"site": "cell", "robots": 1, "fidelity": Fidelity.KINEMATIC}
         usual["arms"] = ArmConfig(workers_n=0)  # a process of its own takes seconds to start
         self.run = MasteredSimulation(RunConfig(**usual | settings), config, self.broker)
+        self._safety = SafetyCheck(self.run.view)
         self.here = [self._name(int(state)) for state in self.run.view.setup.start_states]
         """The node at which each car begins."""
 
@@ -123,6 +125,7 @@ class Play:
     def tick(self, n: int = 1) -> None:
         for _ in range(n):
             self.run.tick()
+            self._safety.tick()
             self.broker.tick()
             self.master.hear()
 
