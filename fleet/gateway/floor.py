@@ -16,7 +16,9 @@ from fleet.stations.station import Station
 from fleet.tasks.order import MAX_MASS_KG, MIN_MASS_KG
 from fleet.vda5050.order import Action, Edge, Node, Position
 from maps.grid import HEADING_NAMES
+from maps.lane_graph import LaneGraph
 from maps.reading.shown import shown
+from maps.site import Site
 from planners.mapf.distance_table import UNREACHABLE
 
 DEVIATION_M = 0.5
@@ -47,13 +49,10 @@ class Floor:
         """The station whose arm serves a car in a state."""
         self._found: dict[tuple[str, Position | None, bool], tuple[int, ...]] = {}
         self.look()
-        graph, grid = run.graph, run.site.grid
+        graph = run.graph
         self._by_name: dict[str, tuple[int, ...]] = {}
-        for state, (cell, heading) in enumerate(
-            zip(graph.state_cell.tolist(), graph.state_heading.tolist(), strict=True)
-        ):
-            row, col = grid.row_col(cell)
-            self._by_name[f"r{row}_c{col}_{HEADING_NAMES[heading]}"] = (state,)
+        for state, name in enumerate(node_names(run.site, graph)):
+            self._by_name[name] = (state,)
         for name, cell in run.site.bays().items():
             self._by_name[name] = tuple(graph.states_of_cell(cell).tolist())
         self._by_name |= {station.name: (station.dock_state,) for station in run.stations}
@@ -106,6 +105,13 @@ class Floor:
         poses = self.run.graph.state_pose
         near = np.flatnonzero(np.hypot(poses[:, 0] - position.x, poses[:, 1] - position.y) <= DEVIATION_M + 1e-6)
         return tuple(state for state in near.tolist() if not self.far(position, poses[state].tolist()))
+
+
+def node_names(site: Site, graph: LaneGraph) -> list[str]:
+    """What `site export` calls the node of each state."""
+    states = zip(graph.state_cell.tolist(), graph.state_heading.tolist(), strict=True)
+    places = ((*site.grid.row_col(cell), HEADING_NAMES[heading]) for cell, heading in states)
+    return [f"r{row}_c{col}_{heading}" for row, col, heading in places]
 
 
 class CarSurroundings:

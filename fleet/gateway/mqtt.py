@@ -86,20 +86,21 @@ class MqttLink:
         address: The broker.
         client: Name of the client.
         topics: What it listens to.
-        will: What the broker sends when it is gone without a word.
+        will: What the broker sends when it is gone without a word; None = nothing.
 
     Raises:
         GatewayError: The broker cannot be reached, or refuses.
     """
 
-    def __init__(self, address: BrokerAddress, client: str, topics: Sequence[str], will: Post) -> None:
+    def __init__(self, address: BrokerAddress, client: str, topics: Sequence[str], will: Post | None) -> None:
         self.n_sessions = 0
         self._inbox: deque[tuple[str, bytes]] = deque(maxlen=MOST_KEPT)
         self._topics = [(topic, 0) for topic in topics]
         self._answered = threading.Event()
         self._refusal = ""
         self._client = made = mqtt.Client(CallbackAPIVersion.VERSION2, client_id=client, clean_session=True)
-        made.will_set(will.topic, will.payload, will.qos, will.retain)
+        if will is not None:
+            made.will_set(will.topic, will.payload, will.qos, will.retain)
         if address.user:
             made.username_pw_set(address.user, address.password or None)
         made.on_connect = self._connected
@@ -133,9 +134,9 @@ class MqttLink:
             found.append(self._inbox.popleft())
         return found
 
-    def close(self, last: Post) -> None:
+    def close(self, last: Post | None) -> None:
         """See `Link`."""
-        if self._client.is_connected():
+        if last is not None and self._client.is_connected():
             self._client.publish(last.topic, last.payload, last.qos, last.retain).wait_for_publish(1.0)
         self._client.disconnect()
         self._client.loop_stop()
@@ -168,7 +169,8 @@ class MqttTransport:
         self._address = address
         self._prefix = prefix
 
-    def link(self, topics: Sequence[str], will: Post) -> MqttLink:
+    def link(self, topics: Sequence[str], will: Post | None) -> MqttLink:
         """See `Transport`."""
-        name = "-".join([self._prefix, *will.topic.split("/")[2:4]])
-        return MqttLink(self._address, name, topics, will)
+        # A will is in the name of a vehicle, whose manufacturer and serial number stand in its topic.
+        name = [self._prefix, "master"] if will is None else [self._prefix, *will.topic.split("/")[2:4]]
+        return MqttLink(self._address, "-".join(name), topics, will)

@@ -10,7 +10,7 @@ from fleet.vda5050.envelope import Post
 
 
 class Link(Protocol):
-    """The connection of one vehicle."""
+    """The connection of one vehicle, or of a master."""
 
     n_sessions: int
     """Grows whenever a connection has been made, or made again."""
@@ -21,19 +21,19 @@ class Link(Protocol):
     def received(self) -> list[tuple[str, bytes]]:
         """Topics and payloads that have come since the last call."""
 
-    def close(self, last: Post) -> None:
-        """Send a last post and end the connection in order, so that the will is not read out."""
+    def close(self, last: Post | None) -> None:
+        """Send a last post, if there is one, and end the connection in order, so that the will is not read out."""
 
 
 class Transport(Protocol):
     """Makes connections to one broker."""
 
-    def link(self, topics: Sequence[str], will: Post) -> Link:
-        """Connect a vehicle.
+    def link(self, topics: Sequence[str], will: Post | None) -> Link:
+        """Connect a vehicle, or a master.
 
         Args:
             topics: What it listens to.
-            will: What the broker sends in its name when it is gone without a word.
+            will: What the broker sends in its name when it is gone without a word; None = nothing.
         """
 
 
@@ -63,9 +63,10 @@ class MemoryLink:
         self._inbox.clear()
         return found
 
-    def close(self, last: Post) -> None:
+    def close(self, last: Post | None) -> None:
         """See `Link`."""
-        self.send(last)
+        if last is not None:
+            self.send(last)
         self._broker.forget(self)
         self._is_open = False
 
