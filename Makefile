@@ -20,7 +20,7 @@ BOUNDS_DIR = build/bounds
 # Further words for the command, such as ARGS="--site small --robots 8".
 ARGS =
 
-.PHONY: help setup demo test test-long test-all test-rules test-bounds test-stacks notebooks zoo check format bench docs hooks hooks-check clean
+.PHONY: help setup demo test test-long test-all test-rules test-bounds test-stacks test-interop notebooks zoo check format bench docs hooks hooks-check clean
 
 help: ## List the targets.
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -51,7 +51,7 @@ $(STAMP): pyproject.toml
 	echo "Setting up $(VENV) with $$("$$python" --version); the first time takes a few minutes."; \
 	if ! $(BIN)/python -c '' >/dev/null 2>&1; then "$$python" -m venv --clear $(VENV); fi; \
 	find fleet maps planners -name "*.nb[ic]" -delete; \
-	$(BIN)/python -m pip install --quiet --quiet --disable-pip-version-check --editable '.[dev,interop,mcap,notebook,rmf]'; \
+	$(BIN)/python -m pip install --quiet --quiet --disable-pip-version-check --editable '.[dev,interop,mcap,notebook,rmf,vda5050]'; \
 	echo "Compiling the kernels once, about half a minute."; \
 	out=$$(mktemp -d); \
 	$(BIN)/python -m fleet.demo --site cell --robots 1 --tasks 1 --duration 8 --out "$$out" >/dev/null; \
@@ -96,6 +96,13 @@ test-stacks: $(STAMP) ## One environment for each training library and Ray, in .
 	  $$python -m pytest -q tests/stacks/test_$$stack*.py $(ARGS); \
 	done
 
+# What others have written, in a folder of its own: nothing of it belongs to the project.
+.partners/node_modules/vda-5050-lib:
+	@npm install --silent --no-audit --no-fund --no-save --prefix .partners vda-5050-lib@1.4.0
+
+test-interop: $(STAMP) .partners/node_modules/vda-5050-lib ## Tests with programs of others; needs npm.
+	@$(BIN)/python -m pytest -q -m interop $(ARGS)
+
 zoo: $(STAMP) ## Every scenario of the deadlock zoo with every fidelity, and the page of results; slow.
 	@$(BIN)/python -m tests.zoo --out docs/zoo.md $(ARGS)
 
@@ -127,5 +134,5 @@ hooks-check: $(STAMP) ## Run the pre-commit hooks on all files.
 	@$(BIN)/pre-commit run --all-files
 
 clean: ## Remove .venv, caches and the output of runs.
-	@rm -rf $(VENV) .stacks .coverage .import_linter_cache .mypy_cache .pytest_cache .ruff_cache build dist runs
+	@rm -rf $(VENV) .partners .stacks .coverage .import_linter_cache .mypy_cache .pytest_cache .ruff_cache build dist runs
 	@find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -97,6 +97,10 @@ class Parts:
     """Plans the moves of the cars."""
     allocation: type[TaskAllocation] = TaskAllocation
     """Gives tasks to cars."""
+    admission: type[Admission] = Admission
+    """Sends cars with tasks to their stations."""
+    dispatcher: type[Dispatcher] = Dispatcher
+    """Says what happens in which order, and so who decides."""
     figures: bool = True
     """Whether ticks are taken into the figures; where nobody reads them, they need not be found out."""
 
@@ -184,7 +188,7 @@ def assemble(
     fitness = Fitness(abilities)
     open_deliveries = OpenDeliveries(board, fitness.kind_of)
     slots = Slots(missions, ways, inventory, open_deliveries)
-    admission = Admission(missions, ways, turns, slots, log)
+    admission = parts.admission(missions, ways, turns, slots, log)
     batteries = None
     if config.battery.enabled:
         batteries = Batteries(config.battery, scene.car.mass_kg, world.n_cars, clock.tick_s)
@@ -228,7 +232,7 @@ def assemble(
         missions=missions,
         services=services,
         knowledge=Knowledge(places=places, inventory=inventory, perception=perception, reasons=reasons),
-        dispatcher=Dispatcher(rules, containment, clock.tick_s),
+        dispatcher=parts.dispatcher(rules, containment, clock.tick_s),
         batteries=batteries,
     )
     return Assembled(view=view, arm_planner=arm_planner, abilities=abilities, book=book)

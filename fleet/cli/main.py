@@ -107,6 +107,10 @@ COMMANDS = {
         "report.Report",
         "Write a run as one HTML page with plots that opens offline, and its tables as CSV.",
     ),
+    "serve": Command(
+        "gateway.serve.Serve",
+        "Run a fleet whose cars obey a master by VDA 5050 over MQTT; the arms of stations do its picks and drops.",
+    ),
     "shot": Command(
         "recordings.shot.Shot",
         "Paint a recording at one time and save the picture; needs no display.",

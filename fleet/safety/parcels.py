@@ -128,6 +128,9 @@ class ParcelsCheck:
 
     def _read_books(self) -> None:
         """Note where each parcel in the world is booked."""
+        more = len(self._run.board.tasks) - len(self._astray)
+        if more:  # ordered while the run goes on
+            self._astray = np.append(self._astray, np.zeros(more, dtype=np.int64))
         tasks = [self._run.board.tasks[parcel] for parcel in self._ids.tolist()]
         # What was dropped counts again when it was found where it is to be.
         self._dropped &= {task.index for task in tasks if task.state not in _MEASURED}

@@ -172,6 +172,23 @@ class TaskBoard:
         for task in self.tasks:
             self._by_state[TaskState.ORDERED][task.index] = task
 
+    def add(self, order: Order, now_s: float) -> Task:
+        """Take in an order that nobody knew of before, and release it.
+
+        Args:
+            order: The order, with a name of its own.
+            now_s: Simulated time [s].
+        """
+        if order.name in self._by_name:
+            raise AssertionError(f"task {order.name} is known already")
+        task = Task(index=len(self.tasks), order=order)
+        self.tasks.append(task)
+        self._by_name[order.name] = task
+        self._by_state[TaskState.ORDERED][task.index] = task
+        self._open += 1
+        self.move(task, TaskState.BACKLOG, now_s, "it was ordered while the run goes on")
+        return task
+
     def subscribe(self, listener: Listener) -> None:
         """Call a listener after every transition, with the task, its former state and the time [s]."""
         self._listeners.append(listener)

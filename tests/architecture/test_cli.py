@@ -29,6 +29,7 @@ REQUIRED = {
     "plan": ["--map", "in.map", "--scen", "in.scen"],
     "replay": ["run"],
     "report": ["run"],
+    "serve": ["--vda5050", "mqtt://127.0.0.1:1883"],
     "shot": ["run", "picture.png"],
     "view": ["run"],
     "site check": ["small"],

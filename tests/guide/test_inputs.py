@@ -10,6 +10,7 @@ from tests.guide.pages import Block, each_block, run_block
 @each_block(
     "docs/guide/sites.md",
     "docs/guide/layouts.md",
+    "docs/guide/vda5050.md",
     "docs/guide/orders.md",
     "docs/guide/disturbances.md",
     "docs/guide/settings.md",

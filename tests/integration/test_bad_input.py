@@ -17,6 +17,8 @@ from fleet.simulation import Simulation
 CSV = "id,release_s,pick,drop,mass_kg,size_m\n"
 GOOD = "a,0,pick_1,drop_1,0.3,0.06\n"
 OWN = "tests.unit.planners.own_members"
+MQTT = "mqtt://127.0.0.1:1883"
+QUICK = ("--site", "cell", "--robots", "1", "--fidelity", "grid")
 EVENT = "[[event]]\ntime_s = 1.0\n"
 CELL_PLAN = """
 ############
@@ -289,7 +291,7 @@ def test_a_refused_run_leaves_earlier_results_alone(tmp_path: Path, capsys: pyte
             [
                 "'frob'",
                 "demo, diff, evaluate, export, fit, gap, lorr, mend, plan, play, replay",
-                "report, shot, study, train, view, why, site",
+                "report, serve, shot, study, train, view, why, site",
             ],
         ),
         (["site", "frob"], ["'frob'", "check, list, generate, convert"]),
@@ -310,6 +312,19 @@ def test_a_refused_run_leaves_earlier_results_alone(tmp_path: Path, capsys: pyte
         (["site", "import", "nope.xml", "--out", "OUT"], ["nope.xml: cannot be read", "openTCS plant model 7"]),
         (["site", "import", "floor.dwg", "--out", "OUT"], ["floor.dwg: the name says no format"]),
         (["export", "nowhere"], ["--mcap", "missing"]),
+        (["serve"], ["--vda5050", "missing"]),
+        (["serve", "--vda5050", "127.0.0.1:1883"], ["--vda5050 is '127.0.0.1:1883'", "mqtt://HOST:PORT"]),
+        (["serve", "--vda5050", "mqtt://localhost:port"], ["--vda5050 is 'mqtt://localhost:port'", "mqtts://HOST"]),
+        (["serve", "--vda5050", "mqtt://me:secret@there:1"], ["has a user in it", "--password-file"]),
+        (["serve", "--vda5050", "mqtt://127.0.0.1:1", *QUICK], ["mqtt://127.0.0.1:1 cannot be reached", "refused"]),
+        (["serve", "--vda5050", MQTT, "--dialect", "1.1"], ["--dialect is '1.1'", "2.0.0, 2.0.0-coaty, 2.1.0, 3.0.0"]),
+        (["serve", "--vda5050", MQTT, "--manufacturer", "a/b"], ["manufacturer is 'a/b'", "letters, digits"]),
+        (["serve", "--vda5050", MQTT, "--password-file", "x"], ["--password-file is 'x'", "with --user"]),
+        (["serve", "--vda5050", MQTT, "--user", "a", "--password-file", "nope"], ["nope", "No such file"]),
+        (["serve", "--vda5050", MQTT, "--ca", "nope.pem"], ["--ca is 'nope.pem'", "a file that is there"]),
+        (["serve", "--vda5050", MQTT, "--key", "nope.pem"], ["--certificate", "together with --key"]),
+        (["serve", "--vda5050", MQTT, "--visualization", "-1"], ["--visualization is -1.0", "a number >= 0"]),
+        (["serve", "--vda5050", "mqtt://far.example:1883", "--broker"], ["--broker is 'mqtt://far", "127.0.0.1:PORT"]),
         (["export", "nowhere", "--mcap", "OUT"], ["no run in nowhere", "--out directory"]),
         (["export", "nowhere", "--mcap", "OUT", "--rate-hz", "-1"], ["--rate-hz is -1", "at most 1000"]),
     ],

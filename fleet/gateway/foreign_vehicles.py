@@ -1,0 +1,111 @@
+"""ForeignVehicles: vehicles of others, as a master of ours hears and orders them."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from datetime import datetime, timedelta
+from typing import Any
+
+from fleet.gateway.errors import GatewayError
+from fleet.gateway.transport import Link, Transport
+from fleet.vda5050.codec import Body, Codec
+from fleet.vda5050.dialects import Dialect
+from fleet.vda5050.envelope import Identity, Post
+from fleet.vda5050.faults import MessageError
+from fleet.vda5050.order_book import OrderBook
+
+HEARD = ("state", "connection")
+"""Topics that a master listens to."""
+
+
+class ForeignVehicles:
+    """The connection of a master to its vehicles.
+
+    Args:
+        identities: Who they are; their places are the numbers of the cars of the run.
+        dialect: What they speak.
+        transport: Connects the master.
+        start: The instant of simulated time zero, for headers.
+    """
+
+    def __init__(self, identities: Sequence[Identity], dialect: Dialect, transport: Transport, start: datetime) -> None:
+        self.books: list[OrderBook | None] = [None] * len(identities)
+        """Orders of each vehicle; None = there is none yet."""
+        self.states: list[Body | None] = [None] * len(identities)
+        """The newest state of each vehicle, in the words of 3.0.0; None = it has said nothing yet."""
+        self.is_online = [False] * len(identities)
+        self.n_malformed = 0
+        """Messages that could not be read."""
+        self._identities = list(identities)
+        self._codec = Codec(dialect)
+        self._start = start
+        self._n_sent = [0] * len(identities)
+        self._car_of = {one.topic(dialect.level, name): car for car, one in enumerate(identities) for name in HEARD}
+        self._link: Link = transport.link(list(self._car_of), None)
+
+    def hear(self) -> None:
+        """Take in what has come; what is older than the last state of its vehicle is left alone."""
+        for topic, payload in self._link.received():
+            car, name = self._car_of[topic], topic.rsplit("/", 1)[-1]
+            try:
+                body = self._codec.decode(name, payload)
+                if name == "connection":
+                    self.is_online[car] = body["connectionState"] == "ONLINE"
+                else:
+                    self._note_state(car, body)
+            except (MessageError, KeyError, TypeError, ValueError):
+                self.n_malformed += 1
+
+    def speak(self, now_s: float) -> None:
+        """Send the orders that are due.
+
+        Args:
+            now_s: Simulated time [s].
+        """
+        for car, book in enumerate(self.books):
+            if book is not None and (message := book.message(now_s)) is not None:
+                self._link.send(self._post(car, message, now_s))
+
+    def close(self) -> None:
+        """End the connection; what was ordered is still driven."""
+        self._link.close(None)
+
+    def pose(self, car: int) -> tuple[float, float, float]:
+        """Where a vehicle says that it stands [m, rad].
+
+        Raises:
+            GatewayError: It has not said so.
+        """
+        state = self.states[car]
+        position: dict[str, Any] = {} if state is None else state.get("mobileRobotPosition") or {}
+        if not {"x", "y", "theta"} <= position.keys():
+            name = self._identities[car]
+            raise GatewayError(
+                f"vehicle {name.manufacturer}/{name.serial} has not said where it stands; valid: one that is online"
+            )
+        return float(position["x"]), float(position["y"]), float(position["theta"])
+
+    def _note_state(self, car: int, body: Body) -> None:
+        before = self.states[car]
+        if before is not None and str(body["timestamp"]) < str(before["timestamp"]):
+            return
+        self.is_online[car] = True
+        book = self.books[car]
+        if book is not None:
+            book.heard(body)
+        self.states[car] = body
+
+    def _post(self, car: int, message: Body, now_s: float) -> Post:
+        identity, dialect = self._identities[car], self._codec.dialect
+        stamp = (self._start + timedelta(seconds=now_s)).isoformat(timespec="milliseconds")
+        header = {
+            "headerId": self._n_sent[car],
+            "timestamp": stamp.replace("+00:00", "Z"),
+            "version": dialect.version,
+            "manufacturer": identity.manufacturer,
+            "serialNumber": identity.serial,
+        }
+        self._n_sent[car] += 1
+        payload = json.dumps(self._codec.encode("order", header | message), separators=(",", ":")).encode()
+        return Post(topic=identity.topic(dialect.level, "order"), payload=payload, qos=0, retain=False)

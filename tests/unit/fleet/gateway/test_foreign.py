@@ -1,0 +1,132 @@
+"""Our dispatch, planner and executor order vehicles that they know by messages only: here the cars of another run."""
+
+from collections.abc import Callable, Sequence
+from datetime import UTC, datetime
+from typing import Any
+
+import pytest
+
+from fleet.config import ArmConfig, Fidelity, RunConfig
+from fleet.errors import ConfigError
+from fleet.gateway import GatewayConfig, MasteredSimulation
+from fleet.gateway.errors import GatewayError
+from fleet.gateway.foreign_simulation import ForeignSimulation
+from fleet.gateway.foreign_vehicles import ForeignVehicles
+from fleet.gateway.transport import MemoryBroker
+from fleet.vda5050.dialects import DIALECTS
+from fleet.vda5050.envelope import Post
+from tests.unit.fleet.gateway.test_faults import BadNetwork
+
+ARMS = ArmConfig(workers_n=0)
+START = datetime(2026, 1, 1, tzinfo=UTC)
+Carry = Callable[[Post], Sequence[int]]
+
+
+class Hall:
+    """Vehicles in one run, and their master in another; nothing but posts goes between them."""
+
+    def __init__(self, dialect: str, n_cars: int, carry: Carry = lambda post: (0,), **settings: Any) -> None:
+        self.broker = MemoryBroker(carry)
+        gateway = GatewayConfig(dialect=dialect)
+        cars = RunConfig(site="small", robots=n_cars, fidelity=Fidelity.KINEMATIC, arms=ARMS)
+        self.cars = MasteredSimulation(cars, gateway, self.broker)
+        identities = [gateway.identity(car) for car in range(n_cars)]
+        self.vehicles = ForeignVehicles(identities, DIALECTS[dialect], self.broker, START)
+        for _ in range(40):
+            self.cars.tick()
+            self.broker.tick()
+        self.vehicles.hear()
+        config = RunConfig(site="small", robots=n_cars, fidelity=Fidelity.GRID, arms=ARMS, **settings)
+        self.master = ForeignSimulation(config, self.vehicles)
+
+    def run(self, most_s: float = 900.0) -> None:
+        while not self.master.finished:
+            assert self.master.sim_s < most_s, self.vehicles.states
+            self.cars.tick()
+            self.master.tick()
+            self.broker.tick()
+
+    def close(self) -> None:
+        self.master.close()
+        self.cars.close()
+
+
+@pytest.fixture
+def halls() -> Any:
+    made: list[Hall] = []
+
+    def make(*words: Any, **settings: Any) -> Hall:
+        made.append(Hall(*words, **settings))
+        return made[-1]
+
+    yield make
+    for hall in made:
+        hall.close()
+
+
+@pytest.mark.parametrize("dialect", ["2.0.0-coaty", "3.0.0"])
+def test_our_dispatch_has_parcels_brought_by_vehicles_of_others(dialect: str, halls: Any) -> None:
+    hall = halls(dialect, 3, tasks=4)
+    hall.run()
+    summary = hall.master.summary()
+    assert (summary.tasks_done, summary.tasks_failed) == (4, 0)
+    there = hall.cars.summary()
+    assert (there.robot_contacts, there.static_contacts) == (0, 0)
+    for car, book in enumerate(hall.vehicles.books):
+        n_nodes = int(hall.master.executor.dependencies.queues.finished[car])
+        assert book.refusal == ""
+        assert book.n_updates <= n_nodes
+        assert 0 <= book.n_passed - n_nodes <= hall.master.config.traffic.grant_moves_n
+
+
+def test_orders_that_a_bad_network_loses_are_sent_again(halls: Any) -> None:
+    network = BadNetwork(3)
+    hall = halls("2.1.0", 2, network, tasks=2)
+    hall.run()
+    assert hall.master.summary().tasks_done == 2
+    assert network.n_lost > 0
+    assert hall.cars.summary().robot_contacts == 0
+
+
+def test_a_car_of_the_master_is_never_ahead_of_its_vehicle(halls: Any) -> None:
+    hall = halls("3.0.0", 2, tasks=2)
+    while not hall.master.finished:
+        hall.cars.tick()
+        hall.master.tick()
+        hall.broker.tick()
+        for car in range(2):
+            mirrored = int(hall.master.executor.dependencies.queues.finished[car])
+            driven = int(hall.cars.executor.dependencies.queues.finished[car])
+            assert mirrored <= driven
+
+
+def test_vehicles_that_are_silent_or_stand_beside_the_lanes_are_named() -> None:
+    broker = MemoryBroker()
+    identities = [GatewayConfig().identity(0)]
+    vehicles = ForeignVehicles(identities, DIALECTS["2.1.0"], broker, START)
+    config = RunConfig(site="small", robots=1, fidelity=Fidelity.GRID, arms=ARMS)
+    with pytest.raises(GatewayError, match="vehicle fleet/car_0 has not said where it stands"):
+        ForeignSimulation(config, vehicles)
+    vehicles.states[0] = {"mobileRobotPosition": {"x": 99.0, "y": 0.0, "theta": 0.0}}
+    with pytest.raises(GatewayError, match=r"the vehicle of car_0 stands at \(99\.00, 0\.00, 0\.00\)"):
+        ForeignSimulation(config, vehicles)
+    with pytest.raises(ConfigError, match="--fidelity is 'kinematic'; valid: grid"):
+        ForeignSimulation(RunConfig(site="small", robots=1, fidelity=Fidelity.KINEMATIC), vehicles)
+
+
+def test_messages_that_cannot_be_read_or_are_late_are_left_alone() -> None:
+    broker = MemoryBroker()
+    identity = GatewayConfig(dialect="3.0.0").identity(0)
+    vehicles = ForeignVehicles([identity], DIALECTS["3.0.0"], broker, START)
+
+    def say(payload: bytes) -> None:
+        broker.publish(Post(topic=identity.topic("v3", "state"), payload=payload, qos=0, retain=False))
+        vehicles.hear()
+
+    say(b"nonsense")
+    say(b'{"version": "3.0.0"}')
+    assert vehicles.n_malformed == 1
+    say(b'{"version": "3.0.0", "timestamp": "2026-01-02T00:00:00Z", "headerId": 5}')
+    say(b'{"version": "3.0.0", "timestamp": "2026-01-01T00:00:00Z", "headerId": 4}')
+    assert vehicles.states[0] is not None
+    assert vehicles.states[0]["headerId"] == 5
