@@ -9,7 +9,7 @@ import sys
 from collections.abc import Iterable
 from pathlib import Path
 
-from benchmarks.first_hour.newcomer import KEPT, Newcomer, NoInstallation, take
+from benchmarks.first_hour.newcomer import KEPT, Newcomer, take
 from benchmarks.harness import Kind, Row, Trial
 
 NOBODY = 65534
@@ -21,11 +21,10 @@ def measure_guest(trial: Trial, newcomer: Newcomer) -> Iterable[Row]:
     if os.name != "posix" or os.geteuid() != 0:
         trial.notes.append("guest: left out: only root may run programs as another user")
         return
-    try:
-        venv, _ = newcomer.installation
-    except NoInstallation as missing:
+    if missing := newcomer.missing:
         trial.notes.append(f"guest: left out: {missing}")
         return
+    venv, _ = newcomer.installation
     python = _python_for_all(newcomer.folder)
     if python is None:
         trial.notes.append("guest: left out: no Python of this version that every user may run")

@@ -37,9 +37,7 @@ class Taken:
         return f"{' '.join(self.words)}: status {self.status}: {lines[-1] if lines else 'nothing said'}"
 
 
-def take(
-    words: Sequence[str], folder: Path, environment: Mapping[str, str], *, user: int | None = None, stdin: str = ""
-) -> Taken:
+def take(words: Sequence[str], folder: Path, environment: Mapping[str, str], *, user: int | None = None) -> Taken:
     """Run a command to its end.
 
     Args:
@@ -47,19 +45,20 @@ def take(
         folder: Where it runs.
         environment: All its variables.
         user: Number of the user and group that it runs as; None = our own. Needs root.
-        stdin: What it reads.
     """
     before, begin = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
     done = subprocess.run(
         list(words),
         cwd=folder,
         env=dict(environment),
-        input=stdin,
+        stdin=subprocess.DEVNULL,
         capture_output=True,
         text=True,
         timeout=TIMEOUT_S,
         check=False,
-        **({} if user is None else {"user": user, "group": user, "extra_groups": []}),
+        user=user,
+        group=user,
+        extra_groups=None if user is None else (),
     )
     after, wall_s = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter() - begin
     return Taken(
@@ -122,6 +121,15 @@ class Newcomer:
         if taken.status:
             raise NoInstallation(taken.told)
         return venv, taken
+
+    @property
+    def missing(self) -> str:
+        """Why there is no installation; empty if there is one."""
+        try:
+            venv, _ = self.installation
+        except NoInstallation as reason:
+            return str(reason)
+        return "" if venv.is_dir() else f"{venv} is gone"
 
     @property
     def variables(self) -> dict[str, str]:

@@ -8,7 +8,7 @@ import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
-from benchmarks.first_hour.newcomer import Newcomer, NoInstallation, Taken
+from benchmarks.first_hour.newcomer import Newcomer, Taken
 from benchmarks.harness import Kind, Row, Trial
 from tests.guide.pages import Block, read_blocks
 
@@ -55,11 +55,10 @@ MOST_S = 600.0
 
 def measure_pages(trial: Trial, newcomer: Newcomer) -> Iterable[Row]:
     """Install, run the demo, look at a picture, then each chapter."""
-    try:
-        (_, wheel), (_, pip) = newcomer.wheel, newcomer.installation
-    except NoInstallation as missing:
+    if missing := newcomer.missing:
         trial.notes.append(f"pages: left out: {missing}")
         return
+    (_, wheel), (_, pip) = newcomer.wheel, newcomer.installation
     yield _seconds("wheel built", wheel.wall_s)
     yield Row(name="pip, with the network", value=pip.wall_s, unit="s", kind=Kind.PLAIN)
     yield _seconds("  of which computing", pip.cpu_s)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable
 
-from benchmarks.first_hour.newcomer import Newcomer, NoInstallation
+from benchmarks.first_hour.newcomer import Newcomer
 from benchmarks.harness import Kind, Row, Trial
 
 HEAVY = ("numba", "pybullet", "torch", "rerun")
@@ -21,9 +21,7 @@ main(sys.argv[1:], prog="fleet")
 
 def measure_start(trial: Trial, newcomer: Newcomer) -> Iterable[Row]:
     """Ask for help and for the sites that ship, some times each; the least time counts, and the first is left out."""
-    try:
-        newcomer.variables
-    except NoInstallation as missing:
+    if missing := newcomer.missing:
         trial.notes.append(f"start: left out: {missing}")
         return
     for words in ("--help", "site list"):
