@@ -5,6 +5,7 @@ from __future__ import annotations
 BENCHMARKS: tuple[str, ...] = (
     "arms",
     "demo",
+    "first_hour",
     "fleet_size",
     "flow",
     "insight",

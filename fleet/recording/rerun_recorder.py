@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Self
 from fleet.recording.errors import RecordingError
 from fleet.recording.frame import Frame, LogLine
 from fleet.recording.header import Header
+from fleet.recording.output_file import require_room
 from fleet.recording.rerun_cli import compact
 
 if TYPE_CHECKING:
@@ -161,6 +162,7 @@ class RerunRecorder:
             if self._failure is None and (frames or lines):
                 self._n_batches += 1
                 try:
+                    require_room(self._path.parent)
                     self._stream.write(frames, lines)
                     self.n_written += len(frames)
                 except Exception as error:  # told by `close`: a broken recording must not end the run

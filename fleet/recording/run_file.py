@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from fleet.recording.errors import OutputError
-from fleet.recording.output_file import OutputFile
+from fleet.recording.output_file import OutputFile, require_room
 from fleet.recording.trace_file import TRACE
 from maps.reading.shown import shown
 from maps.reading.text_file import FileError, parse_json, read_lines, read_text
@@ -111,6 +111,7 @@ def prepare_output(directory: Path) -> Path:
         OutputError: It cannot be created or written; then nothing was changed.
     """
     missing = [path for path in (directory, *directory.parents) if not path.exists()]
+    require_room(next(path for path in (directory, *directory.parents) if path.exists()))
     try:
         directory.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=directory):

@@ -16,6 +16,7 @@ from fleet.recording import DrawnFloor, Frame, Header, LogLine, Recorder, RerunR
 from fleet.run.events import Event
 from fleet.run.view import RunView
 from fleet.sensors.lidar import Lidar, LidarRing
+from fleet.session.delays import Delays, delay_names
 from fleet.tasks.board import DONE_STATES, UNDER_WAY, TaskState
 
 COUNTED = {
@@ -120,7 +121,7 @@ def open_recorder(
         scene=run.scene,
         floor=floor,
         about={"seed": run.config.seed, "robots": run.config.robots, **versions()},
-        plots={"motion": ("mean_speed_mps", "min_clearance_m")}
+        plots={"delay": delay_names(run.world.n_cars), "motion": ("mean_speed_mps", "min_clearance_m")}
         | ({} if run.batteries is None else {"charge": ("lowest_charge",)}),
         cameras=floor.station_names if run.config.perception is Perception.CAMERA else (),
         internals=internals,
@@ -149,6 +150,7 @@ class Watch:
         self._recorder = recorder
         car = run.scene.car
         self._lidar = LidarRing(Lidar(), car.front_m, car.rear_m, car.half_width_m) if lidar else None
+        self._delays = Delays(run)
         self._internals = internals
         if internals:
             run.arm_manager.keep_trees()
@@ -258,7 +260,7 @@ class Watch:
         frame.metrics = {
             "mean_speed_mps": float(np.abs(frame.car_speeds).mean()),
             "min_clearance_m": min(run.world.min_clearance_m(), _CLEARANCE_M),
-        }
+        } | self._delays.figures(frame.paths or ())
         if run.batteries is not None:
             frame.metrics["lowest_charge"] = float(run.batteries.charge.min())
         counts = {name: sum(map(run.board.count, states)) for name, states in COUNTED.items()}

@@ -8,6 +8,7 @@ from tests.guide.pages import Block, each_block, run_block
 
 
 @each_block(
+    "docs/guide/install.md",
     "docs/guide/python.md",
     "docs/guide/environments.md",
     "docs/guide/training.md",

@@ -203,3 +203,13 @@ def test_search_trees_are_recorded_on_request_and_change_nothing(
             assert np.linalg.norm(tips - base[:3], axis=1).max(initial=0.0) < 1.5
             # What is searched for is the way between the rack and the tray of a car at the dock.
             assert not len(tips) or np.linalg.norm(tips[:, :2] - docks[arm], axis=1).min() < 0.02
+
+
+def test_every_car_has_a_line_for_its_delay(seen: Seen) -> None:
+    recorded = rows(seen.path, "/metrics/delay", "Scalars:scalars")
+    delays_s = np.array(list(recorded.values()))
+    assert delays_s.shape == (len(recorded), 12)
+    assert len(recorded) >= 70  # twice a second
+    # Where twelve cars meet some are held up; nobody is early by more than a turn and a dock make.
+    assert 5.0 < np.nanmax(delays_s) < 40.0
+    assert np.nanmin(delays_s) > -3.0

@@ -351,5 +351,21 @@ def free_port() -> int:
         return probe.getsockname()[1]
 
 
+def test_a_recording_ends_before_the_disk_is_full(
+    tmp_path: Path, site: Site, frames: Frames, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, made = tmp_path / "a.rrd", list(frames(60))
+    recorder = open_recorder(path, site)
+    for frame in made[:30]:
+        recorder.record(frame)
+    recorder._write()
+    monkeypatch.setattr("fleet.recording.output_file.LEAST_FREE_BYTES", 10**18)
+    for frame in made[30:]:
+        recorder.record(frame)
+    with pytest.raises(RecordingError, match=r"is incomplete: .* MB are free on its disk; valid: at least"):
+        recorder.close()
+    assert list(rows(path, "/world/cars/body", "InstancePoses3D:translations")) == [frame.tick for frame in made[:30]]
+
+
 def test_strict_mode_is_on_so_that_bad_data_fails_the_tests() -> None:
     assert os.environ["RERUN_STRICT"] == "1"

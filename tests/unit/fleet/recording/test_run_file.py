@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fleet.recording import OutputError, RunFile, prepare_output, read_run
+from fleet.recording import OutputError, RunFile, output_file, prepare_output, read_run
 
 
 class Grip(StrEnum):
@@ -82,3 +82,26 @@ def test_an_occupied_name_is_refused_before_anything_is_removed(tmp_path: Path) 
     with pytest.raises(OutputError, match=r"recording\.rrd is a directory"):
         prepare_output(tmp_path)
     assert (tmp_path / "run.jsonl").read_text() == "old"
+
+
+def test_a_disk_without_room_is_named_before_anything_is_changed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    old = tmp_path / "run.jsonl"
+    old.write_text("of an earlier run")
+    monkeypatch.setattr(output_file, "LEAST_FREE_BYTES", 10**18)
+    with pytest.raises(OutputError, match=r"MB are free on its disk; valid: at least 1000000000000 MB, or another"):
+        prepare_output(tmp_path)
+    with pytest.raises(OutputError, match=r"MB are free"):
+        prepare_output(tmp_path / "new" / "run")
+    assert [path.name for path in tmp_path.iterdir()] == ["run.jsonl"]
+    assert old.read_text() == "of an earlier run"
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is always full")
+def test_a_disk_that_becomes_full_is_named(tmp_path: Path) -> None:
+    with RunFile(tmp_path, config={}, seed=0) as run:
+        run._file.close()
+        run._file = Path("/dev/full").open("wb", buffering=0)  # noqa: SIM115 - the run closes it
+        with pytest.raises(OutputError, match=r"full: No space left on device; valid: room on its disk, or another"):
+            run.event(1, 0.1, "started")
