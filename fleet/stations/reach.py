@@ -7,11 +7,9 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from fleet.config import Fidelity, Grip, RunConfig
-from fleet.robots import ARMS
-from fleet.robots.tools import TOOLS
 from fleet.stations.arms.arm_cell import arm_cells
 from fleet.stations.arms.arm_planner import LocalArmPlanner, ReachError, arm_setup
-from fleet.world.site_scene import ARM, scene_of
+from fleet.world.site_scene import arms_of, scene_of
 from maps.site import Site
 
 
@@ -32,7 +30,7 @@ def reach_refusals(site: Site, grips: Sequence[Grip], told: Callable[[str], None
     refusals: dict[Grip, tuple[str, ...]] = {}
     for grip in grips:
         config = RunConfig(grip=grip, fidelity=Fidelity.PHYSICS)
-        setup = arm_setup(cells, names, ARMS[ARM].spec(TOOLS[grip]), config)
+        setup = arm_setup(cells, names, arms_of(site, grip, config.arms), config)
         try:
             LocalArmPlanner(setup, told).close()
             refusals[grip] = ()

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fleet.robots import ARMS, CARS, TOOLS
-from fleet.robots.spec import ArmSpec
+from fleet.robots.arms.spec import ArmSpec
 from fleet.world.bullet.engine.client import Client
 
 pytestmark = pytest.mark.bullet
