@@ -1,7 +1,6 @@
 """Robot models: a new car is one file here and one line in `CARS`, a new arm the same in `fleet.robots.arms`."""
 
 from fleet.robots.arms import ARMS as ARMS
-from fleet.robots.arms import arm_kind as arm_kind
 from fleet.robots.arms.kind import ArmKind as ArmKind
 from fleet.robots.arms.spec import ArmSpec as ArmSpec
 from fleet.robots.arms.team import ArmTeam as ArmTeam

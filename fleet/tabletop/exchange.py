@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fleet.config import ArmConfig
-from fleet.robots.arms import arm_kind
+from fleet.robots.arms import ARMS
 from fleet.robots.tools import TOOLS
 from fleet.stations.arms.arm_spheres import arm_spheres
 from fleet.tabletop.errors import TabletopError
@@ -45,7 +45,7 @@ class SharedTray:
     """
 
     def __init__(self) -> None:
-        self.spec = arm_kind(ArmConfig().model).spec(TOOLS["suction"])
+        self.spec = ARMS.named(ArmConfig().model).spec(TOOLS["suction"])
         self.tool = self.spec.tool
         model = arm_spheres(self.spec)
         self.srs = SrsGeometry.from_joints(self.spec.base_from_joint, self.spec.lower_rad, self.spec.upper_rad)

@@ -7,7 +7,7 @@ import numpy as np
 from fleet.arrays import BoolArray, FloatArray
 from fleet.config import ArmConfig, Grip
 from fleet.errors import ConfigError
-from fleet.robots import CARS, TOOLS, ArmSpec, ArmTeam, arm_kind
+from fleet.robots import ARMS, CARS, TOOLS, ArmSpec, ArmTeam
 from fleet.world.scene import Scene, StaticBox
 from maps.grid import GridMap
 from maps.site import Site
@@ -88,7 +88,7 @@ def arms_of(site: Site, grip: Grip, arms: ArmConfig) -> ArmTeam:
         if name not in models:
             where = "--arms" if station.arm.model is None else f"site {site.name}: stations.{station.name}.arm"
             models[name] = (
-                arm_kind(name, where).spec(TOOLS[grip]).with_limits(arms.velocity_radps, arms.acceleration_radps2)
+                ARMS.named(name, where).spec(TOOLS[grip]).with_limits(arms.velocity_radps, arms.acceleration_radps2)
             )
         _check_reach(site, station, models[name])
         specs.append(models[name])

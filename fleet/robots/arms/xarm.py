@@ -44,5 +44,6 @@ XARM = ArmKind(
         # On its stand, links up to the elbow stay off the floor.
         n_standing_links=2,
     ),
+    # On `small` and `medium` with suction means were 5.6 to 5.8 s, percentiles at most 6.5 s.
     service=UsualService(mean_s=6.0, p90_s=7.0),
 )
