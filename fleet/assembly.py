@@ -78,7 +78,7 @@ def usual_driver(setup: RunSetup, world: World, config: RunConfig, rng: np.rando
 
 def usual_arm_manager(planner: ArmPlanner, setup: RunSetup, config: RunConfig, tick_s: float, lost: Lost) -> ArmManager:
     """Asks for the plans of all arms and plays them."""
-    return ArmManager(planner, config.arms, setup.scene.car, setup.scene.arm_start, tick_s, lost=lost)
+    return ArmManager(planner, config.arms, setup.scene, tick_s, lost=lost)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -160,7 +160,8 @@ def assemble(
         [
             Station(arm, place, graph.state_at(place.dock.cell, place.dock.heading))
             for arm, place in enumerate(site.stations)
-        ]
+        ],
+        [spec.service for spec in scene.arms.specs],
     )
     places = Places(site, graph, stations)
     # A car that books a pick station needs a slot for its parcel.
@@ -179,7 +180,7 @@ def assemble(
     inventory = Inventory(board, stations, scene.car, world, log, config.collect_after_s, askew)
     lost = _Losses(world, board, inventory, log)
     arm_manager = parts.arm_manager(arm_planner, setup, config, clock.tick_s, lost)
-    share_docks(site, scene, TOOLS[config.grip], arm_manager.services)
+    share_docks(site, scene, arm_manager.services)
     seen = config.perception is Perception.CAMERA
     perception = SeenPoses(stations, scene.car, world, inventory, log) if seen else TruePoses(inventory)
 
@@ -317,4 +318,4 @@ def _orders(
 
 def _arm_planner(config: RunConfig, setup: RunSetup) -> ArmPlanner:
     names = tuple(station.name for station in setup.site.stations)
-    return make_arm_planner(arm_cells(setup.site, setup.scene), names, setup.scene.arm, config)
+    return make_arm_planner(arm_cells(setup.site, setup.scene), names, setup.scene.arms, config)

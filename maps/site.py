@@ -138,6 +138,7 @@ class _StationTable(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
     stop_offset_m: Annotated[float, Field(ge=0.0, allow_inf_nan=False)] | None = None
+    arm: Annotated[str, Field(min_length=1)] | None = None
     arm_xy: tuple[_Finite, _Finite] | None = None
     arm_yaw_deg: _Finite | None = None
     slots: tuple[tuple[_Finite, _Finite, Annotated[float, Field(gt=0.0, allow_inf_nan=False)]], ...] | None = None

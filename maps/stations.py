@@ -46,6 +46,8 @@ class StationOptions:
     """Arm base on the floor [m]."""
     arm_yaw_deg: float | None = None
     """Direction of the arm's +x, counter-clockwise from east."""
+    arm: str | None = None
+    """Model of the arm; which there are is known to who runs the site."""
     slots: tuple[tuple[float, float, float], ...] | None = None
     """Slots x, y, z in the arm's base frame [m]; z is the height of the slot's top."""
 
@@ -72,7 +74,8 @@ class DockPlace:
 class ArmPlace:
     """Where an arm stands."""
 
-    robot: str = "iiwa14"
+    model: str | None = None
+    """What arm it is, if the site says so."""
     pose: tuple[float, float, float, float]
     """Base: x, y, z [m], yaw [rad]; +x points to the dock lane."""
 
@@ -264,7 +267,7 @@ def _station(name: str, dock: DockPlace, arm_side: int, given: StationOptions) -
         name=name,
         kind="pick" if name.startswith("pick") else "drop",
         dock=dock,
-        arm=ArmPlace(pose=(arm_x, arm_y, 0.0, yaw)),
+        arm=ArmPlace(model=given.arm, pose=(arm_x, arm_y, 0.0, yaw)),
         slots=slots,
         pedestal_half_m=half_extents,
     )

@@ -128,8 +128,9 @@ def _shots(run: Simulation, made: Film) -> Shots:
 def _joints(run: Simulation) -> FloatArray:
     """Bases, joints and tips of all arms from above, shape (n_arms, n_points, 2)."""
     scene = run.scene
-    frames = link_frames(scene.arm.base_from_joint, run.world.arm_positions())
-    tips = frames[:, -1:, :3, 3] + scene.arm.tool_length_m * frames[:, -1:, :3, 2]
+    spec = scene.arms.only("a moving picture")
+    frames = link_frames(spec.base_from_joint, run.world.arm_positions())
+    tips = frames[:, -1:, :3, 3] + spec.tool_length_m * frames[:, -1:, :3, 2]
     points = np.concatenate((np.zeros_like(tips), frames[:, :, :3, 3], tips), axis=1)[..., :2]
     cos, sin = np.cos(scene.arm_base[:, 3]), np.sin(scene.arm_base[:, 3])
     turned = np.einsum("aij,anj->ani", np.array([[cos, -sin], [sin, cos]]).transpose(2, 0, 1), points)

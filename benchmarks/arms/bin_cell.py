@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
-from fleet.robots import iiwa_spec, racecar_spec
+from fleet.robots import ARMS, ArmTeam, racecar_spec
 from fleet.robots.tools import TOOLS
 from fleet.sensors.boxes import SeenBox
 from fleet.sensors.camera import Camera, CameraImage
@@ -74,19 +74,19 @@ class BinCell:
     """
 
     def __init__(self) -> None:
-        tool = TOOLS["suction"]
-        spec = iiwa_spec(tool)
+        spec = ARMS["iiwa"].spec(TOOLS["suction"])
+        tool = spec.tool
         boxes = _boxes()
         scene = Scene(
             size_m=(2.0, 2.0),
             boxes=tuple(boxes),
             car=racecar_spec(),
             car_start=np.zeros((0, 3)),
-            arm=spec,
+            arms=ArmTeam.alike(spec, 1),
             arm_base=np.zeros((1, 4)),
             arm_start=spec.home_rad[None],
         )
-        model = arm_spheres(spec, tool)
+        model = arm_spheres(spec)
         solid = Boxes.join(
             Boxes.one((0.0, 0.0, -0.05), (3.0, 3.0, 0.05), min_frame=2),
             *(Boxes.one(box.centre_m, box.half_m) for box in boxes),

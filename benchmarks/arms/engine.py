@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from benchmarks.arms import workcell
-from fleet.robots import iiwa_urdf
+from fleet.robots import ARMS
 from fleet.world.bullet.engine.client import Client
 
 FloatArray = npt.NDArray[np.float64]
@@ -23,7 +23,7 @@ class Engine:
     def __init__(self) -> None:
         self._client = client = Client()
         spec, tool = workcell.spec(), workcell.TOOL
-        self._arm = client.load_urdf(iiwa_urdf(tool), useFixedBase=True, flags=client.URDF_USE_SELF_COLLISION)
+        self._arm = client.load_urdf(ARMS["iiwa"].text(tool), useFixedBase=True, flags=client.URDF_USE_SELF_COLLISION)
         self._joints = range(spec.n_joints)
         last = spec.n_joints - 1
         links = range(-1, client.getNumJoints(self._arm))

@@ -18,7 +18,7 @@ from scipy.interpolate import CubicHermiteSpline
 
 from benchmarks.arms.exclusion import least_makespans_s
 from benchmarks.harness import Kind, Row, Trial
-from fleet.robots.iiwa import iiwa_urdf
+from fleet.robots import ARMS
 from fleet.tabletop.exchange import SharedTray
 from planners.motion.path.timed_path import Dwell, TimedPath
 from planners.motion.two_arms.schedule import Schedule
@@ -70,7 +70,7 @@ class Referee:
         self._client = pybullet.connect(pybullet.DIRECT)
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "arm.urdf"
-            path.write_text(iiwa_urdf(cell.tool), encoding="utf-8")
+            path.write_text(ARMS["iiwa"].text(cell.tool), encoding="utf-8")
             self._arms = [
                 pybullet.loadURDF(str(path), base.tolist(), useFixedBase=True, physicsClientId=self._client)
                 for base in cell.bases

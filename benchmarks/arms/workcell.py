@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from functools import cache
 
-from fleet.robots import iiwa_spec
-from fleet.robots.spec import ArmSpec
+from fleet.robots import ARMS
+from fleet.robots.arms.spec import ArmSpec
 from fleet.robots.tools import TOOLS
 from fleet.stations.arms.arm_spheres import arm_spheres
 from planners.motion.arm.arm_model import ArmModel
@@ -24,13 +24,13 @@ TRAY_M = (0.05, -0.65, 0.196)
 @cache
 def spec() -> ArmSpec:
     """Limits and joints of the arm."""
-    return iiwa_spec(TOOL)
+    return ARMS["iiwa"].spec(TOOL)
 
 
 @cache
 def model() -> ArmModel:
     """The arm as spheres."""
-    return arm_spheres(spec(), TOOL)
+    return arm_spheres(spec())
 
 
 @cache

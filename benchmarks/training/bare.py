@@ -12,7 +12,7 @@ import time
 import numpy as np
 import numpy.typing as npt
 
-from fleet.robots import iiwa_urdf
+from fleet.robots import ARMS
 from fleet.robots.racecar import HINGES, racecar_urdf
 from fleet.robots.spec import WHEELS
 from fleet.robots.tools import TOOLS
@@ -82,7 +82,7 @@ class BareLoop:
                 client.setCollisionFilterGroupMask(car, wheel, groups.MOVING, groups.WHEELS_MASK)
         self._arms = [
             client.load_urdf(
-                iiwa_urdf(TOOLS["suction"]),
+                ARMS["iiwa"].text(TOOLS["suction"]),
                 basePosition=(x, y, z),
                 baseOrientation=client.getQuaternionFromEuler((0, 0, yaw)),
                 useFixedBase=True,
@@ -107,7 +107,7 @@ class BareLoop:
         self._n_steps = n_steps
         self.engine_s = 0.0
         """Computing time of the physics steps alone so far [s]."""
-        self._forces = scene.arm.max_torque_nm.tolist()
+        self._forces = scene.arms.specs[0].max_torque_nm.tolist()
         self._drive_nm, self._steer_nm = [0.6] * 4, [10.0] * 2
         model = scene.car
         self._ring = (

@@ -19,7 +19,7 @@ from fleet.envs import warehouse_v1
 from fleet.envs.policies.policy import Policy
 from fleet.envs.policies.warehouse import Classical
 from fleet.envs.warehouse.env import WarehouseEnv
-from fleet.robots.spec import ArmSpec
+from fleet.robots.arms.spec import ArmSpec
 from fleet.stations.arms.arm_controller import ArmController
 from fleet.tasks.board import TaskState
 from fleet.training.recipes.warehouse import handovers_s
@@ -126,7 +126,7 @@ def _now(env: WarehouseEnv) -> Iterator[tuple[str, str]]:
         if task.state in (TaskState.LOADING, TaskState.UNLOADING):
             player = plans.player(arm)
             ours = plans.asked(arm) is transfer
-            yield (step_of(player) if ours else BEFORE), doing(player, simulation.scene.arm)
+            yield (step_of(player) if ours else BEFORE), doing(player, simulation.scene.arms.specs[0])
 
 
 def step_of(player: ArmController) -> str:

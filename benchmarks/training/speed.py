@@ -147,7 +147,7 @@ def _bare_player(bare: BareLoop, team: Team) -> Callable[[], None]:
     car, n_arms = scene.car, len(scene.arm_base)
     limits = (car.max_steering_rad, car.max_speed_mps / car.wheel_radius_m)
     cars = rng.uniform(-1.0, 1.0, (N_ACTIONS, team.n_cars, 2)) * limits
-    arms = rng.uniform(-1.0, 1.0, (N_ACTIONS, n_arms, 7)) * scene.arm.max_velocity_radps
+    arms = rng.uniform(-1.0, 1.0, (N_ACTIONS, n_arms, 7)) * scene.arms.max_velocity_radps[0]
     arms[:, team.n_arms :] = 0.0
     turn = 0
 

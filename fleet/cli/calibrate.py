@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from fleet.world.bullet.bench.replay import Drive
 
 FIRST_DAMPING, FIRST_FRICTION = 0.5, 0.1
-"""What the fit begins with: the damping of the iiwa's description [N m s/rad], and little dry friction [N m]."""
+"""What the fit begins with: the damping of the usual arm's description [N m s/rad], and little dry friction [N m]."""
 POOR_RAD = 0.02
 """An error that stays above this has another cause than friction."""
 

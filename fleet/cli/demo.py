@@ -12,6 +12,7 @@ import tyro
 from fleet.cli.run_output import exit_status, plain_console, run_table, show_next, show_recording
 from fleet.config import (
     AllocationConfig,
+    ArmConfig,
     BatteryConfig,
     Connect,
     Fidelity,
@@ -67,6 +68,8 @@ class Demo:
     """Cars have batteries and go to charge."""
     grip: Grip = Grip.SUCTION
     """How the arms hold parcels."""
+    arms: str = ArmConfig.model
+    """Arm of every station whose site names none: iiwa, panda, xarm, or package.module.NAME."""
     grip_force: float | None = None
     """Most force of the cup, or of each finger [N]; default 100 and 40. Orders that it cannot hold are refused."""
     perception: Perception = Perception.TRUTH
@@ -135,6 +138,7 @@ class Demo:
                 planner_settings=member_settings(self.settings, "planner", self.planner, self.planner_setting),
             ),
             physics=PhysicsConfig(workers_n=self.workers),
+            arms=ArmConfig(model=self.arms),
             battery=BatteryConfig(enabled=self.battery),
             allocation=AllocationConfig(
                 allocator=self.allocator,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
-from fleet.config import Grip, require
+from fleet.config import ArmConfig, Grip, require
 from fleet.errors import FleetError
 
 if TYPE_CHECKING:
@@ -33,6 +33,8 @@ class SiteCheck:
     """A file to write the lane graph to, for graph tools: states and moves with their poses, lengths and paths."""
     grip: Grip | None = None
     """The only tool whose reach counts; default: both."""
+    arms: str = ArmConfig.model
+    """Arm of every station whose site names none: iiwa, panda, xarm, or package.module.NAME."""
 
     def run(self) -> int:
         """Print the report; a bad site raises, also one whose arms cannot serve their stations."""
@@ -50,7 +52,7 @@ class SiteCheck:
         table = Table(title=f"site {site.name}", show_header=False)
         for name, value in vars(report).items():
             table.add_row(name.replace("_", " "), _text(value))
-        refused = _unreached(site, self.grip)
+        refused = _unreached(site, self.grip, ArmConfig(model=self.arms))
         for grip, refusals in refused.items():
             table.add_row(f"arms, grip {grip}", "\n".join(refusals) or f"serve all {len(site.stations)} stations")
         console.print(table)
@@ -239,7 +241,7 @@ def _text(value: object) -> str:
     return f"{value:.2f}" if isinstance(value, float) else str(value)
 
 
-def _unreached(site: Site, grip: Grip | None) -> dict[Grip, tuple[str, ...]]:
+def _unreached(site: Site, grip: Grip | None, arms: ArmConfig | None = None) -> dict[Grip, tuple[str, ...]]:
     """For one tool or for each: what its arms cannot serve."""
     from fleet.stations.reach import reach_refusals
     from fleet.terminal.progress_bar import Bar
@@ -255,7 +257,7 @@ def _unreached(site: Site, grip: Grip | None) -> dict[Grip, tuple[str, ...]]:
                 bar.show(looked, f"arm of {station}", f"arms looked at: {looked} of {total}")
             looked += 1
 
-        return reach_refusals(site, grips, told)
+        return reach_refusals(site, grips, told, arms)
 
 
 def _require_reach(refused: dict[Grip, tuple[str, ...]]) -> None:

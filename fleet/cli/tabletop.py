@@ -22,8 +22,7 @@ if TYPE_CHECKING:
     import numpy.typing as npt
 
     from fleet.recording.rerun_stream.shapes import ShapeRecorder
-    from fleet.robots.spec import ArmSpec
-    from fleet.robots.tools import Tool
+    from fleet.robots.arms.spec import ArmSpec
     from fleet.tabletop.job import Tally
     from fleet.world.bullet.bench.table import DrawnShape, TableWorld
     from fleet.world.tabletop import TableScene
@@ -72,7 +71,7 @@ class _Tabletop:
                 return job.run()
 
         began_s = time.perf_counter()
-        tally, state = self._played(layout.scene, model.spec, model.tool, start, work)
+        tally, state = self._played(layout.scene, model.spec, start, work)
         figures = {
             "objects": objects,
             "sorted": tally.n_sorted,
@@ -95,7 +94,6 @@ class _Tabletop:
         self,
         scene: TableScene,
         spec: ArmSpec,
-        tool: Tool,
         start: npt.NDArray[np.float64],
         work: Callable[[TableWorld, Callable[[], None]], Result],
     ) -> tuple[Result, str]:
@@ -103,7 +101,7 @@ class _Tabletop:
         from fleet.recording.run_file import RECORDING, prepare_output
         from fleet.world.bullet.bench.table import TableWorld
 
-        world = TableWorld(scene, spec, tool, start, Connect.GUI if self.gui else Connect.DIRECT)
+        world = TableWorld(scene, spec, start, Connect.GUI if self.gui else Connect.DIRECT)
         try:
             prepare_output(self.out)
             film = None if self.no_record else _Film(self.out / RECORDING, f"tabletop {self.name}", world)
@@ -200,7 +198,7 @@ class TabletopExchange(_Tabletop):
             play(world, both, watch)
             return world.robot_contacts
 
-        contacts, state = self._played(tray.scene(), tray.spec, tray.tool, start, work)
+        contacts, state = self._played(tray.scene(), tray.spec, start, work)
         figures: dict[str, object] = {"deliveries_each": self.deliveries, "way": both.way.value}
         solved = both.found is not None
         if both.found is not None:

@@ -9,7 +9,10 @@ from fleet.config.settings import Settings, not_negative, require
 
 @dataclass(frozen=True, kw_only=True)
 class ArmConfig(Settings):
-    """Planning and timing of the arms."""
+    """Models, planning and timing of the arms."""
+
+    model: str = "iiwa"
+    """Arm of every station whose site names none, a key of `fleet.robots.ARMS`."""
 
     planner: str = "rrt_connect"
     """Name in `planners.motion.MOTION_PLANNERS`, or one of the names in `OMPL_PLANNERS` there."""

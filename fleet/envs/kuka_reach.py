@@ -34,10 +34,10 @@ from gymnasium.utils import EzPickle
 from numba import njit
 
 from fleet.arrays import FloatArray
-from fleet.config import Fidelity, require
+from fleet.config import ArmConfig, Fidelity, require
 from fleet.config.field_checks import is_number, is_whole
 from fleet.envs.core.choices import row_of
-from fleet.robots.iiwa import iiwa_spec
+from fleet.robots import ARMS, ArmTeam
 from fleet.robots.racecar import racecar_spec
 from fleet.robots.tools import TOOLS
 from fleet.world.kinematic import KinematicConfig, KinematicWorld
@@ -94,13 +94,13 @@ class KukaReachEnv(gymnasium.Env[Any, Any], EzPickle):
         require(render_mode is None, "render_mode", render_mode, "None")
         self.render_mode = render_mode
         self.max_steps = max_steps
-        spec = self._spec = iiwa_spec(TOOLS["suction"])
+        spec = self._spec = ARMS.named(ArmConfig().model).spec(TOOLS["suction"])
         scene = Scene(
             size_m=(_FLOOR_M, _FLOOR_M),
             boxes=(),
             car=racecar_spec(),
             car_start=np.zeros((0, 3)),
-            arm=spec,
+            arms=ArmTeam.alike(spec, 1),
             arm_base=np.array([[_FLOOR_M / 2, _FLOOR_M / 2, 0.0, 0.0]]),
             arm_start=spec.home_rad[None],
         )
@@ -187,7 +187,7 @@ class ReachPolicy:
     """
 
     def __init__(self) -> None:
-        spec = self._spec = iiwa_spec(TOOLS["suction"])
+        spec = self._spec = ARMS.named(ArmConfig().model).spec(TOOLS["suction"])
         self._middle, self._half = (spec.upper_rad + spec.lower_rad) / 2, (spec.upper_rad - spec.lower_rad) / 2
         self._joints = joint_rows(spec.base_from_joint)
 

@@ -70,8 +70,9 @@ class RejoinRoom:
         self._allowed = allowed
         self.ground = frozenset((row * grid.cols + col).tolist())
         feet = run.scene.arm_base[:, :2]
-        self._feet = feet[np.hypot(*(feet - start[:2]).T) < 2 * SEARCH_M]
-        self._foot_m = run.scene.arm.outline.foot_m + FOOT_M
+        near = np.hypot(*(feet - start[:2]).T) < 2 * SEARCH_M
+        self._feet = feet[near]
+        self._foot_m = run.scene.arms.foot_m[near] + FOOT_M
         corners = _corners(self._open, self._cell_m)
         self._corners = corners[np.hypot(*(corners - start[:2]).T) < 2 * SEARCH_M]
         bodies = np.delete(run.driver.estimate, car, axis=0)
@@ -130,7 +131,10 @@ class RejoinRoom:
         points = outline(poses, self._spec, self._margin_m)
         edges = _depth_in_body(self._corners[None], poses[:, None], self._spec, self._margin_m).max(axis=1, initial=0.0)
         # Cells beside an arm are kept clear: who was pushed there may go through them, round the foot.
-        feet = [self._margin_m + self._foot_m - _apart(poses, foot, self._spec) for foot in self._feet]
+        feet = [
+            self._margin_m + foot_m - _apart(poses, foot, self._spec)
+            for foot, foot_m in zip(self._feet, self._foot_m, strict=True)
+        ]
         depths = [*self._into_walls(points).T, edges, *(np.maximum(foot, 0.0) for foot in feet)]
         for body in self._bodies:
             inside = _depth_in_body(points, body[None, None], self._spec)

@@ -49,7 +49,7 @@ class Figures:
     def slip_meter(self) -> SlipMeter | None:
         """Measures every carry; None without physics, where parcels stick rigidly to their tools."""
         run = self._run
-        return SlipMeter(run.scene.arm, run.scene.arm_base) if run.config.fidelity.has_contact else None
+        return SlipMeter(run.scene.arms, run.scene.arm_base) if run.config.fidelity.has_contact else None
 
     def tick(self, speeds: FloatArray) -> None:
         """Take in the tick that was just done.

@@ -11,7 +11,7 @@ from numba import njit
 
 from fleet.arrays import FloatArray
 from fleet.robots.angle import rotation_into
-from fleet.robots.spec import ArmSpec
+from fleet.robots.arms.team import ArmTeam
 from fleet.stations.arms.arm_controller import ArmController
 from fleet.world.protocol import World
 from planners.motion.arm.kinematics import link_frames_into
@@ -49,16 +49,16 @@ class SlipMeter:
     it. Both poses are measured, the link's by forward kinematics from measured joint positions.
 
     Args:
-        spec: The arms.
+        team: Models of the arms.
         base: Their base poses x, y, z, yaw, shape (m, 4).
     """
 
-    def __init__(self, spec: ArmSpec, base: FloatArray) -> None:
+    def __init__(self, team: ArmTeam, base: FloatArray) -> None:
         self.slips: list[Slip] = []
         """All carries so far."""
-        self._spec = spec
+        self._joints = team.joints
         self._base = np.asarray(base, dtype=np.float64).reshape(-1, 4)
-        self._frames = np.zeros((spec.n_joints + 1, 3, 4))
+        self._frames = np.zeros((team.width + 1, 3, 4))
         self._carries: dict[int, _Carry] = {}
 
     def tick(self, services: Sequence[ArmController], world: World) -> None:
@@ -79,7 +79,7 @@ class SlipMeter:
             if carry is not None and carry.seen == seen:
                 continue  # where nothing moves, nothing slips
             now = np.empty((3, 4))
-            _seen_from_link(self._spec.joints, q[arm], self._base[arm], pose, self._frames, now)
+            _seen_from_link(self._joints[arm], q[arm], self._base[arm], pose, self._frames, now)
             if carry is None:
                 carry = self._carries[arm] = _Carry(parcel=parcel, gripped=now)
             carry.seen = seen

@@ -1,4 +1,4 @@
-"""Entries of the tables `CARS` and `ARMS`: where the specification of a robot comes from, and a car's description."""
+"""Entries of the table `CARS`: where the specification of a car comes from, and its description."""
 
 from __future__ import annotations
 
@@ -6,8 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
-from fleet.robots.spec import ArmSpec, CarSpec
-from fleet.robots.tools import Tool
+from fleet.robots.spec import CarSpec
 
 WheelShape = Literal["sphere", "cylinder"]
 
@@ -19,10 +18,3 @@ class CarEntry:
     spec: Callable[[], CarSpec]
     urdf: Callable[[WheelShape], str]
     """URDF text for one collision shape of the wheels; links and joints are named as in `fleet.robots.racecar`."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class ArmEntry:
-    """An arm that worlds can load with any tool."""
-
-    spec: Callable[[Tool], ArmSpec]

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from fleet.arrays import FloatArray
-from planners.motion.arm.kinematics import joint_rows
 
 WHEELS = ("rear_left", "rear_right", "front_left", "front_right")
 """Wheel links of a car, in the order of `CarSpec.wheel_places`; each spins in the joint ``<link>_spin``."""
@@ -68,58 +66,3 @@ class CarSpec:
         """Centres x, y, z of the wheels in the car's frame, in the order of `WHEELS` [m], shape (4, 3)."""
         y = self.track_m / 2
         return np.array([[x, side * y, self.wheel_radius_m] for x in (0.0, self.wheelbase_m) for side in (1.0, -1.0)])
-
-
-@dataclass(frozen=True, kw_only=True)
-class ArmOutline:
-    """How thick an arm is, for worlds that judge distances and rays without its meshes."""
-
-    link_radii_m: tuple[float, ...]
-    """Radius of the balls at each joint and half-way to it, which hold the links to about 2 cm [m], base to tip."""
-    foot_m: float
-    """Radius of the foot at the height of a car's lidar [m]."""
-    n_standing_links: int
-    """Links above the base that cannot come down to the floor it stands on."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class ArmSpec:
-    """A fixed-base arm with a tool; joint order is base to tip."""
-
-    name: str
-    n_joints: int
-    urdf: Path
-    """Description of the bare arm, read at run time; its folder has the meshes."""
-    description: str
-    """URDF text of the arm with its tool, as engines load it; its first joints are the arm's."""
-    base_from_joint: FloatArray
-    """Fixed transform before each joint's rotation about its own z, shape (n_joints, 4, 4)."""
-    lower_rad: FloatArray
-    upper_rad: FloatArray
-    max_velocity_radps: FloatArray
-    max_acceleration_radps2: FloatArray
-    max_torque_nm: FloatArray
-    tool_length_m: float
-    """From the flange (last link frame) to the tool tip along the flange's +z [m]."""
-    home_rad: FloatArray
-    visuals: tuple[Visual, ...]
-    """Links: 'link_0'..'link_7' (link i moves with joint i) and 'tool' (rigid in the last link)."""
-    outline: ArmOutline
-    touching: tuple[tuple[int, int], ...] = ()
-    """Pairs of links whose hulls meet although the links do not, lower first: 0 is the base, i moves with joint i."""
-
-    @cached_property
-    def joints(self) -> FloatArray:
-        """The upper three rows of `base_from_joint`, as kernels take them, shape (n_joints, 3, 4)."""
-        return joint_rows(self.base_from_joint)
-
-    def with_limits(self, velocity_radps: float | None, acceleration_radps2: float | None) -> ArmSpec:
-        """The same arm with one limit for all joints; None leaves its own."""
-        velocity, acceleration = (
-            own if limit is None else np.full(self.n_joints, float(limit))
-            for limit, own in (
-                (velocity_radps, self.max_velocity_radps),
-                (acceleration_radps2, self.max_acceleration_radps2),
-            )
-        )
-        return replace(self, max_velocity_radps=velocity, max_acceleration_radps2=acceleration)

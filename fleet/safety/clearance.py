@@ -13,7 +13,6 @@ import numpy as np
 from numba import njit
 
 from fleet.arrays import BoolArray, FloatArray, IntArray
-from fleet.robots.tools import TOOLS
 from fleet.run.view import RunView
 from fleet.safety.breach import Breach, Invariant
 from fleet.safety.faults import CarFaults
@@ -40,12 +39,12 @@ class _Car(NamedTuple):
 
 
 class _Arms(NamedTuple):
-    """Arms, m of them with n joints and k spheres."""
+    """Arms, m of them with up to n joints and k spheres."""
 
     joints: FloatArray
-    """Fixed transform before each joint's turn about its own z, shape (n, 3, 4)."""
+    """Fixed transform before each joint's turn about its own z, shape (m, n, 3, 4)."""
     spheres: FloatArray
-    """Centre in its link's frame, radius, and number of that frame, shape (k, 5)."""
+    """Centre in its link's frame, radius, and number of that frame, -1 for none, shape (m, k, 5)."""
     base: FloatArray
     """x, y, z, yaw, shape (m, 4)."""
     near: IntArray
@@ -123,16 +122,22 @@ class ClearanceCheck:
 
     def _arms_of(self, run: RunView) -> _Arms:
         scene = run.scene
-        model = arm_spheres(scene.arm, TOOLS[run.config.grip])
-        joints = scene.arm.joints
-        reach_m = float(np.linalg.norm(joints[:, :, 3], axis=1).sum())
-        reach_m += float((np.linalg.norm(model.sphere_centre, axis=1) + model.sphere_radius).max())
-        spheres = np.column_stack([model.sphere_centre, model.sphere_radius, model.sphere_frame])
-        spheres = spheres[spheres[:, 4].argsort(kind="stable")]
-        n_arms, n_spheres = len(scene.arm_base), len(spheres)
+        own: dict[str, FloatArray] = {}
+        reach_m = 0.0
+        for spec in scene.arms.models:
+            model = arm_spheres(spec)
+            away_m = float(np.linalg.norm(spec.joints[:, :, 3], axis=1).sum())
+            away_m += float((np.linalg.norm(model.sphere_centre, axis=1) + model.sphere_radius).max())
+            reach_m = max(reach_m, away_m)
+            rows = np.column_stack([model.sphere_centre, model.sphere_radius, model.sphere_frame])
+            own[spec.name] = rows[rows[:, 4].argsort(kind="stable")]
+        n_arms, n_spheres = len(scene.arm_base), max((len(rows) for rows in own.values()), default=0)
+        spheres = np.full((n_arms, n_spheres, 5), -1.0)
+        for row, spec in zip(spheres, scene.arms.specs, strict=True):
+            row[: len(own[spec.name])] = own[spec.name]
         base = np.array(scene.arm_base, dtype=np.float64).reshape(-1, 4)
-        placed = np.empty((n_arms, n_spheres + 1, 4))
-        placed[:, :-1, 3] = spheres[:, 3]
+        placed = np.zeros((n_arms, n_spheres + 1, 4))
+        placed[:, :-1, 3] = spheres[:, :, 3]
         pairs = [
             (a, b)
             for a in range(n_arms)
@@ -140,12 +145,12 @@ class ClearanceCheck:
             if math.dist(base[a, :2], base[b, :2]) < 2 * reach_m
         ]
         return _Arms(
-            joints=joints,
+            joints=scene.arms.joints,
             spheres=spheres,
             base=base,
             near=np.array(pairs, dtype=np.int64).reshape(-1, 2),
             reach=reach_m,
-            q=np.full((n_arms, scene.arm.n_joints), np.nan),
+            q=np.full((n_arms, scene.arms.width), np.nan),
             placed=placed,
         )
 
@@ -266,12 +271,12 @@ def _place(arms: _Arms, arm: int, q: FloatArray) -> None:  # pragma: no cover - 
     sphere = 0
     for frame in range(len(q) + 1):
         if frame > 0:
-            pose = _turned(pose, arms.joints[frame - 1], q[frame - 1])
-        while sphere < len(arms.spheres) and arms.spheres[sphere, 4] == frame:
+            pose = _turned(pose, arms.joints[arm, frame - 1], q[frame - 1])
+        while sphere < arms.spheres.shape[1] and arms.spheres[arm, sphere, 4] == frame:
             for axis in range(3):
                 arms.placed[arm, sphere, axis] = pose[axis, 3]
                 for k in range(3):
-                    arms.placed[arm, sphere, axis] += pose[axis, k] * arms.spheres[sphere, k]
+                    arms.placed[arm, sphere, axis] += pose[axis, k] * arms.spheres[arm, sphere, k]
             sphere += 1
 
 

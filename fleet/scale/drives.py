@@ -8,14 +8,13 @@ import numpy as np
 
 from fleet.arrays import BoolArray, FloatArray
 from fleet.config import ArmConfig, Fidelity, RunConfig
-from fleet.robots import ARMS, CARS
-from fleet.robots.tools import TOOLS
+from fleet.robots import CARS, ArmTeam
 from fleet.run.setup import RunSetup
 from fleet.simulation import Simulation
 from fleet.world.bullet.engine.config import BulletConfig
 from fleet.world.bullet.world import BulletWorld
 from fleet.world.scene import Scene
-from fleet.world.site_scene import ARM, CAR
+from fleet.world.site_scene import CAR
 
 FLOOR_M = 1000.0
 """Side of the empty floor on which steps are driven, more than a car can cross [m]."""
@@ -70,19 +69,18 @@ def drive_steps(commands: FloatArray) -> DriveRecord:
     Args:
         commands: Steering [rad] and speed [m/s], shape (n, 2).
     """
-    arm = ARMS[ARM].spec(TOOLS["suction"])
     scene = Scene(
         size_m=(FLOOR_M, FLOOR_M),
         boxes=(),
         car=CARS[CAR].spec(),
         car_start=np.array([[FLOOR_M / 2, FLOOR_M / 2, 0.0]]),
-        arm=arm,
+        arms=ArmTeam.of(()),
         arm_base=np.zeros((0, 4)),
-        arm_start=np.zeros((0, len(arm.home_rad))),
+        arm_start=np.zeros((0, 0)),
     )
     world = RecordedWorld(scene, BulletConfig())
     try:
-        nothing, no_grip = np.zeros((0, len(arm.home_rad))), np.zeros(0, dtype=np.bool_)
+        nothing, no_grip = np.zeros((0, 0)), np.zeros(0, dtype=np.bool_)
         for command in commands:
             for _ in range(round(HOLD_S / world.tick_s)):
                 world.step(command.reshape(1, 2), nothing, nothing, no_grip)

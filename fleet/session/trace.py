@@ -54,7 +54,7 @@ class Tracer:
         # The last entry stands for -1: no state.
         self._codes = np.append(4 * graph.state_cell.astype(np.int64) + graph.state_heading, -1)
         self._floor = (site.grid.cell_m, site.grid.rows, site.grid.cols)
-        n_cars, n_arms, n_joints = world.n_cars, world.n_arms, run.scene.arm.n_joints
+        n_cars, n_arms, n_joints = world.n_cars, world.n_arms, run.scene.arms.width
         # One row for each tick: they are looked through together, which costs a fraction of doing it tick by tick.
         self._most = n = max(1, min(BLOCK_TICKS, round(BLOCK_S / run.tick_s)))
         self._cars = np.zeros((n, 5, n_cars), dtype=np.int64)

@@ -5,18 +5,21 @@ from __future__ import annotations
 import math
 from bisect import bisect_left, insort
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 
 import numpy as np
 import numpy.typing as npt
 
+from fleet.robots.arms.spec import UsualService
+
 N_RECENT_TRANSFERS = 32
 """Transfers that count: few enough to notice within minutes that an arm has become slow."""
 N_LAST_TRANSFERS = 4
 """Transfers that tell how long the one under way will take."""
-PRIOR_MEAN_S, PRIOR_P90_S = 7.0, 8.0
-"""Before the first transfer [s]: on shipped sites with suction means were 6.5 to 7.1 s, percentiles at most 7.6 s."""
+PRIOR_MEAN_S = 7.0
+"""Mean of a transfer where no model of arm is known [s]: on shipped sites with suction means were 6.5 to 7.1 s."""
 
 
 class Direction(StrEnum):
@@ -34,16 +37,21 @@ class ServiceTime:
     percentile is the nearest rank: the smallest sample that at least 90 % of the window do not exceed.
     """
 
+    mean_s: float
+    """Mean [s]; that of the arm's model before the first sample."""
+    p90_s: float
+    """90th percentile [s]; that of the arm's model before the first sample."""
+    recent_s: float
+    """Mean of the last `N_LAST_TRANSFERS` samples [s]: what an arm does that has just become slow, or quick again."""
     n: int = 0
     """Samples ever taken."""
-    mean_s: float = PRIOR_MEAN_S
-    """Mean [s]; the prior before the first sample."""
-    p90_s: float = PRIOR_P90_S
-    """90th percentile [s]; the prior before the first sample."""
-    recent_s: float = PRIOR_MEAN_S
-    """Mean of the last `N_LAST_TRANSFERS` samples [s]: what an arm does that has just become slow, or quick again."""
     _window: deque[float] = field(default_factory=deque)
     _sorted: list[float] = field(default_factory=list)
+
+    @classmethod
+    def before(cls, usual: UsualService) -> ServiceTime:
+        """Before the first transfer."""
+        return cls(mean_s=usual.mean_s, p90_s=usual.p90_s, recent_s=usual.mean_s)
 
     def add(self, took_s: float) -> None:
         """Learn from one transfer."""
@@ -72,12 +80,12 @@ class ServiceTimes:
     next one, repeated attempts included; one whose parcel did not arrive teaches nothing.
 
     Args:
-        n_arms: Number of arms.
+        usual: What is known of the model of each arm.
     """
 
-    def __init__(self, n_arms: int) -> None:
-        self._n_arms = n_arms
-        self._learnt = [{direction: ServiceTime() for direction in Direction} for _ in range(n_arms)]
+    def __init__(self, usual: Sequence[UsualService]) -> None:
+        self._n_arms = len(usual)
+        self._learnt = [{direction: ServiceTime.before(own) for direction in Direction} for own in usual]
         self._running: dict[int, _Running] = {}
 
     def of(self, arm: int, direction: Direction) -> ServiceTime:

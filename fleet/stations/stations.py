@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 import numpy.typing as npt
 
+from fleet.robots.arms.spec import UsualService
 from fleet.stations.service_time import Direction, ServiceTime, ServiceTimes
 from fleet.stations.station import Station
 
@@ -16,12 +17,13 @@ class Stations:
 
     Args:
         stations: In the order of their arms.
+        usual: How long transfers usually take with the arm of each.
     """
 
-    def __init__(self, stations: Sequence[Station]) -> None:
+    def __init__(self, stations: Sequence[Station], usual: Sequence[UsualService]) -> None:
         self._stations = tuple(stations)
         self._by_name = {station.name: station for station in stations}
-        self.times = ServiceTimes(len(stations))
+        self.times = ServiceTimes(usual)
         """How long each arm takes for a transfer."""
         self._time_of = [self.times.of(station.arm, station.direction) for station in stations]
         self.dock_states: npt.NDArray[np.int32] = np.array([s.dock_state for s in stations], dtype=np.int32)

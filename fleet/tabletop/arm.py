@@ -8,10 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fleet.arrays import FloatArray
-from fleet.robots.arm_kinds import arm_kind
-from fleet.robots.iiwa import iiwa_spec
-from fleet.robots.panda import HAND_TURN_RAD, PANDA_HAND, PANDA_HAND_BOXES_M, PANDA_OUTLINE, TIP_M, panda_urdf
-from fleet.robots.spec import ArmSpec
+from fleet.robots.arms import ARMS
+from fleet.robots.arms.kind import ArmKind, OwnHand
 from fleet.robots.tools import TOOLS
 from fleet.stations.arms.arm_motions import backwards, shown
 from fleet.stations.arms.arm_spheres import PlannedArm, cache_dir, planned_arm
@@ -50,8 +48,6 @@ _N_GRASPS = 3
 _TOUCH_M = 0.003
 """Depth of a touch that the engine lets pass: things rest on the table, and on each other."""
 
-_PANDA_HOME = np.array([0.0, -0.6, 0.0, -2.4, 0.0, 1.8, 0.785])
-_MODELS = (("iiwa", "suction"), ("iiwa", "friction"), ("panda", "friction"))
 Segment = Trajectory | Dwell
 NOBODY = Capsules()
 """No other arm."""
@@ -63,45 +59,49 @@ def load_model(arm: str, tool: str) -> PlannedArm:
     Raises:
         TabletopError: There is none of these names.
     """
-    if (arm, tool) not in _MODELS:
-        raise TabletopError(f"arm {arm!r} with tool {tool!r}; valid: {', '.join(f'{a} with {b}' for a, b in _MODELS)}")
-    if arm == "iiwa":
-        held = TOOLS[tool]
-        return planned_arm(iiwa_spec(held), held)
-    # Only here: the engine reads the file, and tables of an iiwa do without.
+    models = [(kind.name, name) for kind in ARMS.values() for name in TOOLS]
+    if (arm, tool) not in models:
+        raise TabletopError(f"arm {arm!r} with tool {tool!r}; valid: {', '.join(f'{a} with {b}' for a, b in models)}")
+    kind = ARMS[arm]
+    if kind.hand is not None and kind.hand.tool.name == tool:
+        return _with_own_hand(kind, kind.hand)
+    return planned_arm(kind.spec(TOOLS[tool]))
+
+
+def _with_own_hand(kind: ArmKind, hand: OwnHand) -> PlannedArm:
+    """An arm as its file describes it."""
+    # Only here: the engine reads the file, and tables of arms with our tools do without.
     from fleet.world.bullet.bench.arm_file import read_arm
 
-    kind = arm_kind("panda")
-    file = read_arm(kind.path, frozen=kind.frozen, allowed=kind.allowed, tool_length_m=TIP_M, cache_dir=cache_dir())
-    spheres = _with_fine_hand(file)
-    spec = ArmSpec(
-        name="panda",
-        n_joints=len(file.joint_names),
-        urdf=kind.path,
-        description=panda_urdf(),
+    file = read_arm(
+        kind.urdf,
+        frozen=hand.open_at,
+        allowed=kind.touching_links(),
+        tool_length_m=hand.tool.length_m,
+        cache_dir=cache_dir(),
+    )
+    spec = replace(
+        kind.spec(),
+        description=kind.whole_text(),
         base_from_joint=file.model.base_from_joint,
         lower_rad=file.model.lower,
         upper_rad=file.model.upper,
-        max_velocity_radps=kind.max_velocity_radps,
-        max_acceleration_radps2=kind.max_acceleration_radps2,
-        max_torque_nm=kind.max_torque_nm,
-        tool_length_m=TIP_M,
-        home_rad=_PANDA_HOME,
+        tool=hand.tool,
+        home_rad=np.array(hand.home_rad),
         visuals=(),
-        outline=PANDA_OUTLINE,
         touching=file.touching,
     )
-    return PlannedArm(spec=spec, tool=PANDA_HAND, spheres=spheres)
+    return PlannedArm(spec=spec, spheres=_with_fine_hand(file, hand))
 
 
-def _with_fine_hand(file: ArmFile) -> ArmModel:
-    """The Panda with many small spheres around its hand: few large ones would touch whatever lies beside a thing."""
+def _with_fine_hand(file: ArmFile, hand: OwnHand) -> ArmModel:
+    """An arm with many small spheres around its hand: few large ones would touch whatever lies beside a thing."""
     model, n = file.model, len(file.joint_names)
     parts = model.sphere_frame if model.sphere_part is None else model.sphere_part
     covers = [(i, model.sphere_centre[parts == i], model.sphere_radius[parts == i]) for i in range(n + 1)]
-    c, s = np.cos(HAND_TURN_RAD), np.sin(HAND_TURN_RAD)
+    c, s = np.cos(hand.tool.finger_turn_rad), np.sin(hand.tool.finger_turn_rad)
     turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-    for low, high, cells in PANDA_HAND_BOXES_M:
+    for low, high, cells in hand.boxes_m:
         centre, radius = box_spheres((np.array(high) - np.array(low)) / 2, cells)
         covers.append((n + 1, (centre + (np.array(low) + np.array(high)) / 2) @ turn.T, radius))
     return assemble(
@@ -109,7 +109,7 @@ def _with_fine_hand(file: ArmFile) -> ArmModel:
         lower=model.lower,
         upper=model.upper,
         covers=covers,
-        tool_length=TIP_M,
+        tool_length=hand.tool.length_m,
         touching=file.touching,
         cache_dir=cache_dir(),
     )
@@ -163,14 +163,14 @@ class TableArm:
                 for box in fixed
             )
         )
-        self._confirmer = PathConfirmer.of_spec(spec, model.tool)
+        self._confirmer = PathConfirmer.of_spec(spec)
         self._confirmer.set_boxes(self._fixed.centre, self._fixed.half, self._fixed.yaw, self._fixed.min_frame)
         self.n_refused = 0
 
     def meet(self, other: TableArm) -> None:
         """Let the engine know an arm that stands beside this one."""
         model = self._model
-        self._confirmer.set_neighbour(model.spec, model.tool, other._base[:3] - self._base[:3])
+        self._confirmer.set_neighbour(model.spec, other._base[:3] - self._base[:3])
 
     def touches(self, own: FloatArray, theirs: FloatArray) -> str:
         """Where this arm touches the one it has met in motions (k, n) of the same moments; empty if nowhere."""
@@ -304,9 +304,9 @@ class TableArm:
         )
 
     def _grasps(self, pose: FloatArray, own: FloatArray, others: list[FloatArray]) -> list[Grasp]:
-        tool = self._model.tool
+        tool = self._model.spec.tool
         if tool.finger_joints:
-            return finger_grasps(own, others, 2 * tool.finger_travel_m, HAND_TURN_RAD)
+            return finger_grasps(own, others, 2 * tool.finger_travel_m, tool.finger_turn_rad)
         return cup_grasps(pose, own)
 
     def _route(

@@ -7,7 +7,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import numpy.typing as npt
 
-from fleet.robots.iiwa import iiwa_spec
+from fleet.config import ArmConfig
+from fleet.robots.arms import ARMS
 from fleet.robots.tools import TOOLS
 from fleet.stations.arms.arm_spheres import arm_spheres
 from fleet.tabletop.errors import TabletopError
@@ -38,15 +39,15 @@ _SETTLE_S = 0.5
 
 
 class SharedTray:
-    """Two iiwa with suction cups at their real limits, the tray of a car between them, a table beside each.
+    """Two arms with suction cups at their real limits, the tray of a car between them, a table beside each.
 
     The tray has room for one arm at a time: one has to leave it before the other comes.
     """
 
     def __init__(self) -> None:
-        self.tool = TOOLS["suction"]
-        self.spec = iiwa_spec(self.tool)
-        model = arm_spheres(self.spec, self.tool)
+        self.spec = ARMS.named(ArmConfig().model).spec(TOOLS["suction"])
+        self.tool = self.spec.tool
+        model = arm_spheres(self.spec)
         self.srs = SrsGeometry.from_joints(self.spec.base_from_joint, self.spec.lower_rad, self.spec.upper_rad)
         self.planner = RrtConnectNative()
         self.bases = [np.array([0.0, side * BASE_Y_M, 0.0]) for side in (-1, 1)]
@@ -93,7 +94,7 @@ class SharedTray:
         """The same for the physics engine; nothing lies about."""
         bases = np.array([[*base, 0.0] for base in self.bases])
         floor = StaticBox(kind="table", centre_m=(0.0, 0.0, -0.05), half_m=(1.2, 1.6, 0.05))
-        return TableScene(arm="iiwa", tool="suction", arm_base=bases, boxes=(floor, *furniture()), objects=())
+        return TableScene(arm=self.spec.name, tool="suction", arm_base=bases, boxes=(floor, *furniture()), objects=())
 
     def _goals(self, rng: np.random.Generator, arm: int, *, over_tray: bool) -> FloatArray:
         side = (-1, 1)[arm]

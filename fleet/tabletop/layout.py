@@ -64,7 +64,7 @@ class Layout:
 
 
 def sort_layout(seed: int, objects: int = 9) -> Layout:
-    """One iiwa; cubes, spheres and cylinders lie in front of it and belong left, right and behind."""
+    """One arm; cubes, spheres and cylinders lie in front of it and belong left, right and behind."""
     _check("seed", seed, 0, _MOST_SEED)
     _check("--objects", objects, 1, 10)
     rng = np.random.default_rng(seed)
@@ -87,7 +87,7 @@ def sort_layout(seed: int, objects: int = 9) -> Layout:
 
 
 def pair_layout(seed: int, objects: int = 10) -> Layout:
-    """Two iiwa side by side; cubes and cylinders lie between them, each arm brings one kind to its own side."""
+    """Two arms side by side; cubes and cylinders lie between them, each arm brings one kind to its own side."""
     _check("seed", seed, 0, _MOST_SEED)
     _check("--objects", objects, 1, 12)
     rng = np.random.default_rng(seed)

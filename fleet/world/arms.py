@@ -8,11 +8,11 @@ import numpy as np
 from numba import njit
 
 from fleet.arrays import FloatArray
-from fleet.robots.spec import ArmSpec
+from fleet.robots.arms.team import ArmTeam
 from planners.motion.arm.kinematics import link_frames_into
 
 LINK_RADIUS_M = 0.08
-"""Arms are judged against cars as spheres of this radius on and between their joints [m]; iiwa links are 0.06-0.09."""
+"""Arms are judged against cars as spheres of this radius on and between their joints [m]; links are 0.06-0.09."""
 TIP_RADIUS_M = 0.03
 """Radius of the sphere at the tool tip [m]."""
 
@@ -28,24 +28,30 @@ class ServoArms:
         radii: Radii of those spheres [m], shape (n_points,).
 
     Args:
-        spec: Arm model.
+        team: Models of the arms.
         base: Base poses x, y, z, yaw, shape (n_arms, 4).
         start: Joint positions [rad], shape (n_arms, n_joints).
         tick_s: Length of a tick [s].
     """
 
-    def __init__(self, spec: ArmSpec, base: FloatArray, start: FloatArray, tick_s: float) -> None:
-        self._spec, self._base, self._tick_s = spec, np.array(base, dtype=np.float64).reshape(-1, 4), tick_s
-        n_arms, n_joints = len(self._base), spec.n_joints
-        self._joints = spec.joints
-        self._boundless = np.full(n_joints, np.inf)
+    def __init__(self, team: ArmTeam, base: FloatArray, start: FloatArray, tick_s: float) -> None:
+        self._team, self._base, self._tick_s = team, np.array(base, dtype=np.float64).reshape(-1, 4), tick_s
+        n_arms, n_joints = len(self._base), team.width
+        self._boundless = np.full((n_arms, n_joints), np.inf)
         self.q = np.array(start, dtype=np.float64).reshape(n_arms, n_joints)
         self.qd = np.zeros((n_arms, n_joints))
         self.tips = np.zeros((n_arms, 7))
         self.points = np.zeros((n_arms, 2 * n_joints + 2, 3))
         self.radii = np.full(2 * n_joints + 2, LINK_RADIUS_M)
         self.radii[-1] = TIP_RADIUS_M
-        self.reach_m = float(np.linalg.norm(self._joints[:, :, 3], axis=1).sum()) + spec.tool_length_m + LINK_RADIUS_M
+        self.reach_m = max(
+            (
+                float(np.linalg.norm(s.joints[:, :, 3], axis=1).sum()) + s.tool_length_m + LINK_RADIUS_M
+                for s in team.models
+            ),
+            default=0.0,
+        )
+        """Nothing of any arm is farther from its base [m]."""
         self._follow(self.q, everything=True)
 
     def step(self, target_q: FloatArray) -> None:
@@ -73,18 +79,18 @@ class ServoArms:
         self.qd[:] = snapshot[1]
 
     def _follow(self, target_q: FloatArray, *, everything: bool, fastest: FloatArray | None = None) -> None:
-        spec = self._spec
+        team = self._team
         _servo(
             self.q,
             self.qd,
             target_q,
-            spec.lower_rad,
-            spec.upper_rad,
-            spec.max_velocity_radps if fastest is None else fastest,
+            team.lower_rad,
+            team.upper_rad,
+            team.max_velocity_radps if fastest is None else fastest,
             self._tick_s,
             everything,
-            self._joints,
-            spec.tool_length_m,
+            team.joints,
+            team.tool_length_m,
             self._base,
             self.tips,
             self.points,
@@ -102,7 +108,7 @@ def _servo(  # flat: bundled, it would take 2.4 us instead of 1 for arms that re
     dt: float,
     everything: bool,
     joints: FloatArray,
-    tool_length: float,
+    tool_length: FloatArray,
     base: FloatArray,
     tips: FloatArray,
     points: FloatArray,
@@ -113,20 +119,20 @@ def _servo(  # flat: bundled, it would take 2.4 us instead of 1 for arms that re
     for i in range(len(q)):
         moved = everything
         for j in range(n_joints):
-            goal = min(max(target[i, j], lower[j]), upper[j])
-            step = max_velocity[j] * dt
+            goal = min(max(target[i, j], lower[i, j]), upper[i, j])
+            step = max_velocity[i, j] * dt
             new = min(max(goal, q[i, j] - step), q[i, j] + step)
             qd[i, j] = (new - q[i, j]) / dt
             moved = moved or new != q[i, j]
             q[i, j] = new
         if not moved:
             continue
-        link_frames_into(joints, q[i], frames)
+        link_frames_into(joints[i], q[i], frames)
         cos, sin = math.cos(base[i, 3]), math.sin(base[i, 3])
         for k in range(2 * n_joints + 2):
             # Even spheres sit on frames, odd ones half-way to the next frame; the last one is the tool tip.
             a, b = k // 2, min((k + 1) // 2, n_joints)
-            ahead = tool_length if k > 2 * n_joints else 0.0
+            ahead = tool_length[i] if k > 2 * n_joints else 0.0
             x = 0.5 * (frames[a, 0, 3] + frames[b, 0, 3]) + ahead * frames[b, 0, 2]
             y = 0.5 * (frames[a, 1, 3] + frames[b, 1, 3]) + ahead * frames[b, 1, 2]
             z = 0.5 * (frames[a, 2, 3] + frames[b, 2, 3]) + ahead * frames[b, 2, 2]

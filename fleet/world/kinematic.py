@@ -151,7 +151,7 @@ class PlanarWorld:
         self.n_arms = len(scene.arm_base)
         self._cars = cars
         self._solid = solid
-        self._arms = ServoArms(scene.arm, scene.arm_base, scene.arm_start, tick_s)
+        self._arms = ServoArms(scene.arms, scene.arm_base, scene.arm_start, tick_s)
         self._parcels = PlanarParcels(scene.boxes, scene.car, self.n_arms)
         self._failed = np.zeros(self.n_arms, dtype=np.bool_)
         self._surroundings = Surroundings(scene, self._arms)

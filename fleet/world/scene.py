@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from fleet.arrays import FloatArray
-from fleet.robots.spec import ArmSpec, CarSpec
+from fleet.robots.arms.team import ArmTeam
+from fleet.robots.spec import CarSpec
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -13,7 +14,7 @@ class StaticBox:
     """An immovable axis-aligned box."""
 
     kind: str
-    """'wall', 'shelf' or 'pedestal'."""
+    """'wall', 'shelf', 'pedestal' under a slot, or 'stand' under an arm."""
     centre_m: tuple[float, float, float]
     half_m: tuple[float, float, float]
 
@@ -28,8 +29,8 @@ class Scene:
     car: CarSpec
     car_start: FloatArray
     """Start poses x, y, yaw [m, m, rad], shape (n_cars, 3)."""
-    arm: ArmSpec
+    arms: ArmTeam
     arm_base: FloatArray
     """Base poses x, y, z, yaw, shape (n_arms, 4)."""
     arm_start: FloatArray
-    """Start joint positions [rad], shape (n_arms, n_joints)."""
+    """Start joint positions [rad], shape (n_arms, n_joints); n_joints is `arms.width` everywhere."""

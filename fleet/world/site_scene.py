@@ -6,20 +6,24 @@ import numpy as np
 
 from fleet.arrays import BoolArray, FloatArray
 from fleet.config import ArmConfig, Grip
-from fleet.robots import ARMS, CARS
-from fleet.robots.tools import TOOLS
+from fleet.errors import ConfigError
+from fleet.robots import ARMS, CARS, TOOLS, ArmSpec, ArmTeam
 from fleet.world.scene import Scene, StaticBox
 from maps.grid import GridMap
 from maps.site import Site
+from maps.stations import StationPlace
 
-CAR, ARM = "racecar", "iiwa14"
-"""Robots of a site, as in `fleet.robots`."""
+CAR = "racecar"
+"""Car of a site, as in `fleet.robots`."""
 WALL_HEIGHT_M = 0.6
 """Low, so that a viewer looks over the walls; higher than a loaded car."""
 SHELF_HEIGHT_M = 1.2
 PEDESTAL_HALF_M = 0.08
 SHELF_GAP_M = 0.03
 """Kept free around a shelf inside its cells [m]."""
+STAND_GAP_M = 0.002
+"""Kept free between a stand and the foot of the arm on it [m]."""
+_TOLERANCE_M = 1e-6
 
 
 def scene_of(site: Site, car_start: FloatArray, grip: Grip, arms: ArmConfig | None = None) -> Scene:
@@ -29,11 +33,14 @@ def scene_of(site: Site, car_start: FloatArray, grip: Grip, arms: ArmConfig | No
         site: The site.
         car_start: Rear-axle poses, shape (n_cars, 3).
         grip: Decides the arms' tool.
-        arms: May set other speed limits than the real arm's.
+        arms: Names the arm of stations whose site names none, and may set other speed limits than the real arm's.
 
     Returns:
         Walls and shelves merged into as few boxes as rectangles allow, a pedestal for every slot, robots at their
-        starts, arms at home.
+        starts, arms at home, on stands where they need them.
+
+    Raises:
+        ConfigError: A station's arm has a name that is none, or cannot reach a slot or the tray of a docked car.
     """
     boxes = [
         *_merged_boxes(site.grid, site.walls, "wall", WALL_HEIGHT_M, 0.0),
@@ -43,18 +50,64 @@ def scene_of(site: Site, car_start: FloatArray, grip: Grip, arms: ArmConfig | No
         for x, y, z in station.slots:
             half = (PEDESTAL_HALF_M, PEDESTAL_HALF_M, z / 2)
             boxes.append(StaticBox(kind="pedestal", centre_m=(float(x), float(y), z / 2), half_m=half))
-    arm = ARMS[ARM].spec(TOOLS[grip])
-    if arms is not None:
-        arm = arm.with_limits(arms.velocity_radps, arms.acceleration_radps2)
+    team = arms_of(site, grip, arms or ArmConfig())
+    base = np.array([station.arm.pose for station in site.stations], dtype=np.float64).reshape(-1, 4)
+    for spec, pose in zip(team.specs, base, strict=True):
+        if spec.stand_m > 0.0:
+            half_z = (spec.stand_m - STAND_GAP_M) / 2
+            x, y = pose[:2].tolist()
+            foot = spec.outline.foot_m
+            boxes.append(StaticBox(kind="stand", centre_m=(x, y, half_z), half_m=(foot, foot, half_z)))
+            pose[2] += spec.stand_m
     return Scene(
         size_m=(site.grid.cols * site.grid.cell_m, site.grid.rows * site.grid.cell_m),
         boxes=tuple(boxes),
         car=CARS[CAR].spec(),
         car_start=car_start,
-        arm=arm,
-        arm_base=np.array([station.arm.pose for station in site.stations]).reshape(-1, 4),
-        arm_start=np.tile(arm.home_rad, (len(site.stations), 1)),
+        arms=team,
+        arm_base=base,
+        arm_start=team.home_rad.copy(),
     )
+
+
+def arms_of(site: Site, grip: Grip, arms: ArmConfig) -> ArmTeam:
+    """The arms of a site's stations.
+
+    Args:
+        site: May name an arm for each station.
+        grip: Decides their tool.
+        arms: Names the arm of all other stations, and may set other speed limits.
+
+    Raises:
+        ConfigError: See `scene_of`.
+    """
+    models: dict[str, ArmSpec] = {}
+    specs = []
+    for station in site.stations:
+        name = station.arm.model or arms.model
+        if name not in models:
+            where = "--arms" if station.arm.model is None else f"site {site.name}: stations.{station.name}.arm"
+            models[name] = (
+                ARMS.named(name, where).spec(TOOLS[grip]).with_limits(arms.velocity_radps, arms.acceleration_radps2)
+            )
+        _check_reach(site, station, models[name])
+        specs.append(models[name])
+    return ArmTeam.of(specs)
+
+
+def _check_reach(site: Site, station: StationPlace, arm: ArmSpec) -> None:
+    """Slots and the tray of a docked car lie where an arm serves them from above."""
+    base = np.array(station.arm.pose[:2])
+    points = {"the tray of a docked car": station.dock.tray_xy}
+    points |= {f"slot {number}": (slot[0], slot[1]) for number, slot in enumerate(station.slots, start=1)}
+    least, most = arm.reach_m
+    for what, point in points.items():
+        away = float(np.hypot(*(np.array(point) - base)))
+        if not least - _TOLERANCE_M <= away <= most + _TOLERANCE_M:
+            raise ConfigError(
+                f"site {site.name}: {station.name}: arm {arm.name!r} does not reach {what} at ({point[0]:.2f}, "
+                f"{point[1]:.2f}) m, {away:.2f} m from its base; valid: {least} to {most} m"
+            )
 
 
 def _merged_boxes(grid: GridMap, mask: BoolArray, kind: str, height_m: float, gap_m: float) -> list[StaticBox]:

@@ -63,7 +63,7 @@ class Surroundings:
             width=car.half_width_m,
             height=car.height_m,
         )
-        self._foot_m = scene.arm.outline.foot_m
+        self._foot_m = scene.arms.foot_m
         n_arms = len(scene.arm_base)
         self.serving = np.full(n_arms, -1, dtype=np.int64)
         self._balls = ArmBalls(
@@ -141,7 +141,7 @@ class Surroundings:
 
     def shove(self, car_poses: FloatArray, car: int, way: FloatArray) -> None:
         """Push one car aside until something is in the way, in place; see `fleet.world.collisions.shove`."""
-        feet = np.column_stack((self._balls.xy, np.full_like(self._balls.xy, self._foot_m)))
+        feet = np.column_stack((self._balls.xy, self._foot_m, self._foot_m))
         shove(car_poses, car, way, self._body, np.concatenate((self._boxes.rows, feet)))
 
     def rays(self, origins: FloatArray, ends: FloatArray, car_poses: FloatArray) -> FloatArray:
@@ -240,7 +240,7 @@ def _cast(
     body: Body,
     bins: BinnedBoxes,
     feet: FloatArray,
-    foot: float,
+    foot: FloatArray,
     out: FloatArray,
 ) -> None:
     """Walk each ray through the bins it crosses; cars and feet of arms are tried one by one.
@@ -267,7 +267,7 @@ def _cast(
                 ahead, left = cos * px + sin * py, cos * py - sin * px
                 best = _enter(ahead, left, cos * dx + sin * dy, cos * dy - sin * dx, length, width, best)
         for i in range(len(feet)):
-            best = _enter_circle(ox - feet[i, 0], oy - feet[i, 1], dx, dy, foot, best)
+            best = _enter_circle(ox - feet[i, 0], oy - feet[i, 1], dx, dy, foot[i], best)
         ix, iy = math.floor(ox / BIN_M), math.floor(oy / BIN_M)
         step_x, step_y = (1 if dx > 0.0 else -1), (1 if dy > 0.0 else -1)
         next_x = ((ix + (dx > 0.0)) * BIN_M - ox) / dx if dx != 0.0 else math.inf

@@ -32,7 +32,7 @@ class TableScene:
     """A table with arms; z = 0 is its top and the arms' feet."""
 
     arm: str
-    """'iiwa' or 'panda'."""
+    """A key of `fleet.robots.ARMS`."""
     tool: str
     """Name of what the arms hold things with: 'suction' or 'friction'."""
     arm_base: FloatArray

@@ -101,6 +101,7 @@ def test_the_demo_has_the_defaults_of_a_run() -> None:
     for name in ("site", "robots", "tasks", "stream", "orders", "seed", "grip", "perception", "askew", "fidelity"):
         assert getattr(command, name) == getattr(config, name)
     assert command.duration == config.duration_s
+    assert command.arms == config.arms.model
     assert command.planner == config.traffic.planner
     assert command.allocator == config.allocation.allocator
 
@@ -136,6 +137,8 @@ def test_every_option_of_the_demo_takes_another_value() -> None:
         "--battery",
         "--grip-force",
         "30",
+        "--arms",
+        "panda",
         "--askew",
         "--workers",
         "2",

@@ -22,6 +22,7 @@ OWN_SITE = "docs/guide/sites.md"
 OWN_PLANNER = "docs/guide/own_planner.md"
 OWN_TASK_TYPE = "docs/guide/own_task_type.md"
 OWN_ENVIRONMENT = "docs/guide/own_environment.md"
+OWN_ARM = "docs/guide/own_arm.md"
 TIMEOUT_S = 600
 """The first run on a machine compiles kernels; afterwards a part takes seconds."""
 
@@ -212,6 +213,17 @@ def test_a_type_of_task(tree: Copy, row: Row, repository: Path) -> None:
     assert (result["tasks_done"], result["visits_done"]) == (1, 1)
 
 
+@of_part("arm")
+def test_an_arm(tree: Copy, row: Row, repository: Path) -> None:
+    text = example(repository, OWN_ARM, "<!-- test: file reacher.py -->\n```python\n")
+    tree.add(row, text, name="reacher", line='"reacher": "fleet.robots.arms.reacher.REACHER",')
+    description = example(repository, OWN_ARM, "<!-- test: file reacher.urdf -->\n```text\n")
+    (tree.root / "reacher.urdf").write_text(description, encoding="utf-8")
+    tree.demo("--site", "cell", "--robots", "1", "--tasks", "1", "--arms", "reacher")
+    shutil.copy(repository / "tests" / "contract" / "test_robots.py", tree.root)
+    assert "4 passed" in tree.run("-m", "pytest", "-q", "-k", "reacher", "test_robots.py")
+
+
 @of_part("site")
 def test_a_site(tree: Copy, row: Row, repository: Path) -> None:
     # Without what the page says of single stations: docks of sites that ship stand where the plan has them.
@@ -257,7 +269,7 @@ def test_every_row_of_the_guide_is_tested(repository: Path) -> None:
     ]
     found = rows(repository)
     assert set(marked) == set(found)
-    assert len(found) == 7
+    assert len(found) == 8
 
 
 def test_every_file_that_the_guide_names_is_there(repository: Path) -> None:

@@ -47,9 +47,9 @@ FAMILIES = [
     ),
     Family(
         package="fleet.robots",
-        tables=("CARS", "ARMS"),
+        tables=("CARS",),
         support=frozenset(
-            {"angle", "arm_kinds", "battery", "description", "estimator", "model", "panda", "pursuit", "spec", "tools"}
+            {"angle", "arms", "battery", "description", "errors", "estimator", "model", "pursuit", "spec", "tools"}
         ),
         maker="spec",
     ),

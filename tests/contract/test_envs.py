@@ -474,11 +474,11 @@ class PlannedArms:
         simulation = env.simulation
         names = tuple(station.name for station in simulation.stations)
         planner = make_arm_planner(
-            arm_cells(simulation.site, simulation.scene), names, simulation.scene.arm, simulation.config
+            arm_cells(simulation.site, simulation.scene), names, simulation.scene.arms, simulation.config
         )
         scene = simulation.scene
         self._simulation = simulation
-        self._arm_manager = ArmManager(planner, ArmConfig(latency_s=0.0), scene.car, scene.arm_start, simulation.tick_s)
+        self._arm_manager = ArmManager(planner, ArmConfig(latency_s=0.0), scene, simulation.tick_s)
         self._n_ticks = round(0.1 / simulation.tick_s)
         self._tick = 0
         self._asked: dict[int, object] = {}
@@ -495,7 +495,7 @@ class PlannedArms:
         for _ in range(self._n_ticks):
             arm_manager.tick(self._tick, held)
             self._tick += 1
-        speeds = (arm_manager.q - before) / 0.1 / simulation.scene.arm.max_velocity_radps
+        speeds = (arm_manager.q - before) / 0.1 / simulation.scene.arms.max_velocity_radps
         grip = np.where(arm_manager.grip, 1.0, -1.0)
         return {f"arm_{arm}": np.append(speeds[arm], grip[arm]) for arm in range(len(grip))}
 

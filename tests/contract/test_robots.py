@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fleet.robots import ARMS, CARS, TOOLS
-from fleet.robots.spec import ArmSpec
+from fleet.robots.arms.spec import ArmSpec
 from fleet.world.bullet.engine.client import Client
 
 pytestmark = pytest.mark.bullet
@@ -27,7 +27,7 @@ def test_every_robot_has_the_name_of_its_entry() -> None:
     for name, model in CARS.items():
         assert model.spec().name == name
     for name, arm in ARMS.items():
-        assert arm.spec(TOOLS["suction"]).name == name
+        assert arm.name == name
 
 
 @pytest.mark.parametrize("name", CARS)
@@ -82,9 +82,12 @@ def test_limits_of_an_arm_are_finite_and_home_is_behind_the_base(name: str, tool
     assert (spec.home_rad < spec.upper_rad).all()
     flange = forward(spec, spec.home_rad)[-1]
     tip = flange[:3, 3] + flange[:3, 2] * spec.tool_length_m
-    np.testing.assert_allclose(tip, [-0.40, 0.0, 0.62], atol=1e-9)
-    np.testing.assert_allclose(flange[:3, 2], [0.0, 0.0, -1.0], atol=1e-9)
-    assert {f"link_{i}" for i in range(8)} | {"tool"} == {v.link for v in spec.visuals}
+    np.testing.assert_allclose(tip[:2], [-0.40, 0.0], atol=1e-5)
+    assert tip[2] + spec.stand_m > 0.45  # over the parcels on its slots, and over cars
+    np.testing.assert_allclose(flange[:3, 2], [0.0, 0.0, -1.0], atol=1e-4)
+    assert {v.link for v in spec.visuals} <= {f"link_{i}" for i in range(spec.n_joints + 1)} | {"tool"}
+    assert "tool" in {v.link for v in spec.visuals}
+    assert len(spec.outline.link_radii_m) == spec.n_joints
     assert all(v.mesh is None or v.mesh.is_file() for v in spec.visuals)
 
 

@@ -93,7 +93,7 @@ def test_plans_are_played_as_fast_as_joints_can_turn(make: Callable[..., Warehou
             _, _, _, _, infos = env.step({agent: np.append(np.zeros(7), pace) for agent in env.agents})
             failed += sum(info["failed"] for info in infos.values())
             assert env.plans is not None
-            shares.append(np.abs(env.plans.qd / env.simulation.scene.arm.max_velocity_radps).max())
+            shares.append(np.abs(env.plans.qd / env.simulation.scene.arms.max_velocity_radps).max())
         assert failed == 0.0
         n_steps[pace] = env.n_steps
     assert n_steps[1.0] <= n_steps[0.5] < 0.8 * n_steps[0.0]

@@ -11,7 +11,7 @@ import numpy.typing as npt
 import pytest
 from scipy.optimize import least_squares
 
-from fleet.robots.iiwa import iiwa_spec
+from fleet.robots import ARMS, ArmTeam
 from fleet.robots.racecar import racecar_spec
 from fleet.sensors.camera import Camera
 from fleet.sensors.errors import SensorError
@@ -43,7 +43,7 @@ SIZE_M = (0.08, 0.08, 0.06)
 
 def scene() -> Scene:
     """Return two cars in one lane, 4 m apart, and an arm that reaches the first one's tray and a pedestal."""
-    arm = iiwa_spec()
+    arm = ARMS["iiwa"].spec()
     return Scene(
         size_m=(float(COLS), float(ROWS)),
         boxes=(
@@ -52,7 +52,7 @@ def scene() -> Scene:
         ),
         car=racecar_spec(),
         car_start=np.array([[1.5, LANE_Y_M, 0.0], [5.5, LANE_Y_M, 0.0]]),
-        arm=arm,
+        arms=ArmTeam.alike(arm, 1),
         arm_base=np.array([[*ARM_XY, 0.0, ARM_YAW]]),
         arm_start=arm.home_rad[None].copy(),
     )

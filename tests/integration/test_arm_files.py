@@ -10,7 +10,7 @@ import pybullet_data
 import pytest
 
 from fleet.errors import ConfigError
-from fleet.robots.arm_kinds import arm_kind
+from fleet.robots import ARMS
 from fleet.world.bullet.bench.arm_file import ArmFile, ArmFileError, load, read_arm
 from fleet.world.bullet.bench.dynamics import GRAVITY_MPS2, BodyDynamics
 from fleet.world.bullet.confirm import PathConfirmer
@@ -190,8 +190,8 @@ def test_odd_input_is_named(tmp_path: Path) -> None:
             read_arm(**({"path": path} | wrong))  # type: ignore[arg-type]
     with pytest.raises(ArmFileError, match=r"'panda_finger_joint1' at 9.0; valid: 0 to 0.04"):
         read_arm(DATA / "franka_panda/panda.urdf", frozen={"panda_finger_joint1": 9.0})
-    with pytest.raises(ConfigError, match="arm 'nobody'; valid: iiwa, panda, xarm"):
-        arm_kind("nobody")
+    with pytest.raises(ConfigError, match="arm is 'nobody'; valid: iiwa, panda, xarm"):
+        ARMS.named("nobody")
     arm = read_arm(path)
     confirmer = PathConfirmer.of_file(arm)
     here = np.zeros((1, 1))

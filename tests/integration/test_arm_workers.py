@@ -79,7 +79,7 @@ def test_a_run_whose_planning_process_dies_or_hangs_is_the_same(
 ) -> None:
     setup = RunSetup.of(CONFIG)
     names = tuple(station.name for station in setup.site.stations)
-    told = arm_setup(arm_cells(setup.site, setup.scene), names, setup.scene.arm, CONFIG)
+    told = arm_setup(arm_cells(setup.site, setup.scene), names, setup.scene.arms, CONFIG)
     planner = Afflicted(told, {2: fault, 5: fault})
     try:
         with Simulation(CONFIG, parts=Parts(arm_planner=planner)) as simulation:

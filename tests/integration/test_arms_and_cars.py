@@ -11,7 +11,7 @@ import pytest
 
 from fleet.config import ArmConfig, Fidelity, Grip, RunConfig
 from fleet.missions.phases import CarPhase
-from fleet.robots.iiwa import iiwa_urdf
+from fleet.robots import ARMS
 from fleet.robots.tools import TOOLS
 from fleet.simulation import Simulation
 
@@ -29,7 +29,7 @@ class Referee:
         self._simulation = simulation
         self._client = pybullet.connect(pybullet.DIRECT)
         path = folder / "arm.urdf"
-        path.write_text(iiwa_urdf(TOOLS["suction"]))
+        path.write_text(ARMS["iiwa"].text(TOOLS["suction"]))
         scene = simulation.scene
         self._arms = [
             pybullet.loadURDF(

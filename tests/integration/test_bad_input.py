@@ -61,6 +61,12 @@ def refuse(words: list[str], expected: list[str], tmp_path: Path, capsys: pytest
         (["--grip-force", "2"], ["--grip-force is 2.0", "holds 0.5 kg", "this one holds 0.068 kg"]),
         (["--robots=1.5"], ["--robots is '1.5'", "an integer"]),
         (["--robots"], ["--robots has no value"]),
+        (
+            ["--arms", "pandda"],
+            ["--arms is 'pandda'", "did you mean panda?", "panda, xarm or package.module"],
+        ),
+        (["--arms", "no_such_module.ARM"], ["--arms is 'no_such_module.ARM'", "No module named", "iiwa"]),
+        (["--arms", "fleet.robots.racecar.HINGES"], ["it is no ArmKind", "iiwa, panda, xarm"]),
         (["--robots", "0"], ["--robots is 0", "an integer >= 1"]),
         (["--robots", "-3"], ["--robots is -3", "an integer >= 1"]),
         (["--tasks", "0"], ["--tasks is 0", "an integer from 1 to 1000000"]),

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from fleet.robots import iiwa_spec, racecar_spec
+from fleet.robots import ARMS, ArmTeam, racecar_spec
 from fleet.sensors.camera import Camera
 from fleet.world.bullet.world import BulletWorld
 from fleet.world.protocol import ParcelBody
@@ -24,13 +24,13 @@ VIEWS = {
 
 @pytest.fixture(scope="module")
 def world() -> Iterator[BulletWorld]:
-    arm = iiwa_spec()
+    arm = ARMS["iiwa"].spec()
     scene = Scene(
         size_m=(3.0, 3.0),
         boxes=(StaticBox(kind="pedestal", centre_m=(1.0, 1.0, 0.1), half_m=(0.3, 0.3, 0.1)),),
         car=racecar_spec(),
         car_start=np.zeros((0, 3)),
-        arm=arm,
+        arms=ArmTeam.alike(arm, 1),
         arm_base=np.array([[2.4, 2.4, 0.0, 0.0]]),
         arm_start=arm.home_rad[None],
     )

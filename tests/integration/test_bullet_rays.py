@@ -9,7 +9,7 @@ import numpy.typing as npt
 import pytest
 
 from fleet.config import Grip
-from fleet.robots import TOOLS, iiwa_spec, racecar_spec
+from fleet.robots import ARMS, TOOLS, ArmTeam, racecar_spec
 from fleet.world.bullet import BulletConfig, BulletWorld
 from fleet.world.protocol import ParcelBody
 from fleet.world.scene import Scene, StaticBox
@@ -32,13 +32,13 @@ CARS = ((2.0, 4.0, 0.3), (4.5, 6.0, 2.0), (1.5, 1.0, -1.2))
 
 def crowded(grip: Grip = Grip.SUCTION, cars: tuple[tuple[float, float, float], ...] = CARS) -> BulletWorld:
     """Cars of which one leans on a parcel, arms of which one lies low, parcels and an obstacle."""
-    arm = iiwa_spec(TOOLS[grip.value])
+    arm = ARMS["iiwa"].spec(TOOLS[grip.value])
     scene = Scene(
         size_m=(10.0, 10.0),
         boxes=BOXES,
         car=racecar_spec(),
         car_start=np.array(cars),
-        arm=arm,
+        arms=ArmTeam.alike(arm, 2),
         arm_base=np.array([[3.0, 4.0, 0.0, 0.7], [6.0, 6.0, 0.2, -2.0]]),
         arm_start=np.array([LOW, arm.home_rad]),
     )

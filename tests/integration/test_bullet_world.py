@@ -13,7 +13,7 @@ import pytest
 
 from fleet.config import Connect, Grip
 from fleet.errors import ConfigError
-from fleet.robots import TOOLS, iiwa_spec, racecar_spec
+from fleet.robots import ARMS, TOOLS, ArmTeam, racecar_spec
 from fleet.world.bullet import BulletConfig, BulletWorld
 from fleet.world.bullet.confirm import PathConfirmer
 from fleet.world.bullet.engine.client import Client, PhysicsError
@@ -40,7 +40,7 @@ def scene_of(**parts: object) -> Scene:
         boxes=(),
         car=racecar_spec(),
         car_start=np.zeros((0, 3)),
-        arm=iiwa_spec(),
+        arms=ArmTeam.alike(ARMS["iiwa"].spec(), 0),
         arm_base=np.zeros((0, 4)),
         arm_start=np.zeros((0, 7)),
     )
@@ -60,12 +60,12 @@ def make_world() -> Iterator[MakeWorld]:
         **config: object,
     ) -> BulletWorld:
         settings = BulletConfig(**config)  # type: ignore[arg-type]
-        arm = iiwa_spec(TOOLS[settings.grip.value])
+        arm = ARMS["iiwa"].spec(TOOLS[settings.grip.value])
         n_arms = len(arms or [])
         scene = scene_of(
             boxes=boxes,
             car_start=np.array(cars or [], dtype=np.float64).reshape(-1, 3),
-            arm=arm,
+            arms=ArmTeam.alike(arm, n_arms),
             arm_base=np.array(arms or [], dtype=np.float64).reshape(-1, 4),
             arm_start=np.tile(arm.home_rad if start is None else start, (n_arms, 1)),
         )
@@ -107,7 +107,10 @@ def sweep(world: BulletWorld, a: FloatArray, b: FloatArray, seconds: float, grip
 
 def above(tip_x: float, tip_z: float, tool: str) -> FloatArray:
     """Joints with the tool pointing down in front of the base: a planar two-link solution."""
-    x, z = tip_x, tip_z + TOOLS[tool].length_m + 0.081 - 0.36  # last step of the wrist, height of the shoulder
+    x, z = (
+        tip_x,
+        tip_z + ARMS["iiwa"].spec(TOOLS[tool]).tool_length_m + 0.081 - 0.36,
+    )  # last step of the wrist, height of the shoulder
     reach = np.hypot(x, z)
     bend = np.arccos((reach**2 - 0.42**2 - 0.40**2) / (2 * 0.42 * 0.40))
     upper = np.arctan2(x, z) - np.arcsin(0.40 * np.sin(bend) / reach)
@@ -154,10 +157,10 @@ def test_motors_are_as_strong_when_steps_are_made_at_once(make_world: MakeWorld)
 
 
 def test_an_arm_too_weak_for_its_weight_sinks_also_when_steps_are_made_at_once() -> None:
-    arm = iiwa_spec()
+    arm = ARMS["iiwa"].spec()
     weak = dataclasses.replace(arm, max_torque_nm=arm.max_torque_nm * 0.1)
     level = np.array([0.0, np.pi / 2, 0.0, 0.0, 0.0, 0.0, 0.0])
-    scene = scene_of(arm=weak, arm_base=np.array([[5.0, 5.0, 1.5, 0.0]]), arm_start=level[None])
+    scene = scene_of(arms=ArmTeam.alike(weak, 1), arm_base=np.array([[5.0, 5.0, 1.5, 0.0]]), arm_start=level[None])
     sunk = []
     for config in (BulletConfig(tick_s=AT_ONCE.tick_s / 4), AT_ONCE):
         world = BulletWorld(scene, config)
@@ -410,13 +413,13 @@ def test_another_world_of_the_process_changes_nothing(make_world: MakeWorld, min
     other = Grip.SUCTION if mine is Grip.FRICTION else Grip.FRICTION
     beside = make_world(cars=[(1.0, 1.0, 0.0)], grip=other)
     run(beside, 0.1)
-    PathConfirmer.of_spec(iiwa_spec(), TOOLS["suction"]).close()
+    PathConfirmer.of_spec(ARMS["iiwa"].spec()).close()
     assert driven(world) == alone
 
 
 def test_a_path_is_confirmed_or_refused_with_its_first_bad_state() -> None:
-    spec = iiwa_spec(TOOLS["suction"])
-    confirmer = PathConfirmer.of_spec(spec, TOOLS["suction"])
+    spec = ARMS["iiwa"].spec(TOOLS["suction"])
+    confirmer = PathConfirmer.of_spec(spec)
     path = spec.home_rad + np.linspace(0.0, 1.5, 100)[:, None] * np.eye(7)[0]
     held = np.array([[x, y, spec.tool_length_m + z] for x in (-0.04, 0.04) for y in (-0.04, 0.04) for z in (0.0, 0.08)])
     assert confirmer.confirm(path).free
@@ -447,23 +450,23 @@ def test_a_path_is_confirmed_or_refused_with_its_first_bad_state() -> None:
 
 def test_the_arm_that_confirms_is_the_one_of_the_model() -> None:
     tool = TOOLS["suction"]
-    spec = iiwa_spec(tool)
+    spec = ARMS["iiwa"].spec(tool)
     other = dataclasses.replace(spec, description=spec.description.replace("lbr_iiwa", "other"))
-    confirmer = PathConfirmer.of_spec(other, tool)
+    confirmer = PathConfirmer.of_spec(other)
     confirmer.set_boxes(np.zeros((1, 3)), np.array([[0.9, 0.9, 0.2]]))
     assert confirmer.confirm(spec.home_rad[None]).what == "other_link_1 - box"
     confirmer.close()
 
 
 def test_arms_that_meet_are_told() -> None:
-    spec, tool = iiwa_spec(TOOLS["suction"]), TOOLS["suction"]
-    confirmer = PathConfirmer.of_spec(spec, tool)
+    spec = ARMS["iiwa"].spec(TOOLS["suction"])
+    confirmer = PathConfirmer.of_spec(spec)
     reach = np.array([np.pi / 2, 1.2, 0.0, -0.3, 0.0, 0.0, 0.0])  # along y, where the other arm stands
     path = spec.home_rad + np.linspace(0.0, 1.0, 50)[:, None] * (reach - spec.home_rad)
     still = np.tile(spec.home_rad, (50, 1))
     with pytest.raises(PlanningError, match="neighbour None"):
         confirmer.confirm_beside(path, still)
-    confirmer.set_neighbour(spec, tool, np.array([0.0, 0.8, 0.0]))
+    confirmer.set_neighbour(spec, np.array([0.0, 0.8, 0.0]))
     assert confirmer.confirm_beside(still, still).free
     verdict = confirmer.confirm_beside(path, still)
     assert not verdict.free
@@ -497,18 +500,18 @@ def test_bad_worlds_are_refused(make_world: MakeWorld, monkeypatch: pytest.Monke
     world = make_world(cars=[(1.0, 1.0, 0.0)])
     with pytest.raises(PhysicsError, match="parcel 9"):
         world.remove_parcel(9)
-    with pytest.raises(ConfigError, match="tool_length_m"):
-        BulletWorld(scene_of(arm=iiwa_spec(TOOLS["friction"])))
+    with pytest.raises(ConfigError, match="'friction'; valid: suction"):
+        BulletWorld(scene_of(arms=ArmTeam.alike(ARMS["iiwa"].spec(TOOLS["friction"]), 1)))
 
 
 def test_the_engine_prints_nothing() -> None:
     code = """
 import numpy as np
-from fleet.robots import iiwa_spec, racecar_spec
+from fleet.robots import ARMS, ArmTeam, racecar_spec
 from fleet.world.bullet import BulletWorld
 from fleet.world.scene import Scene
-arm = iiwa_spec()
-scene = Scene(size_m=(5.0, 5.0), boxes=(), car=racecar_spec(), car_start=np.ones((1, 3)), arm=arm,
+arm = ARMS["iiwa"].spec()
+scene = Scene(size_m=(5.0, 5.0), boxes=(), car=racecar_spec(), car_start=np.ones((1, 3)), arms=ArmTeam.alike(arm, 1),
               arm_base=np.zeros((1, 4)), arm_start=arm.home_rad[None])
 world = BulletWorld(scene)
 world.step(np.zeros((1, 2)), arm.home_rad[None], np.zeros((1, 7)), np.zeros(1, dtype=bool))
@@ -521,7 +524,7 @@ world.close()
 
 
 def test_clearance_of_an_arm_leaves_out_the_car_it_serves(make_world: MakeWorld) -> None:
-    car, home = racecar_spec(), iiwa_spec().home_rad
+    car, home = racecar_spec(), ARMS["iiwa"].spec().home_rad
     over_tray = above(0.55, 0.45, "suction")  # tip 0.2 m above the tray walls
     found = {}
     for serving in (-1, 0):

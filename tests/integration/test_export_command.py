@@ -99,7 +99,7 @@ def test_every_pose_is_that_of_the_run(exported: Any, truth: Any) -> None:
 def test_every_frame_is_where_the_run_has_it(exported: Any, truth: Any) -> None:
     with Simulation(CONFIG) as simulation:
         scene = simulation.view.scene
-    chain = ArmChain(scene.arm)
+    chain = ArmChain(scene.arms)
     bases = {transform.child_frame_id: transform for transform in exported["/tf_static"][0][1].transforms}
     assert list(bases) == ["arm_0/base", "arm_1/base"]
     for arm, base in enumerate(bases.values()):

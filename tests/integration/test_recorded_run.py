@@ -81,7 +81,7 @@ def test_every_car_is_where_it_was(seen: Seen) -> None:
 
 def test_every_arm_is_where_forward_kinematics_puts_it(seen: Seen) -> None:
     recorded = rows(seen.path, "/world/arms/link_7", "InstancePoses3D:translations")
-    spec, base = seen.simulation.scene.arm, seen.simulation.scene.arm_base
+    spec, base = seen.simulation.scene.arms.specs[0], seen.simulation.scene.arm_base
     assert len(recorded) > 20
     for tick in list(recorded)[::10]:
         for arm, q in enumerate(seen.arms[tick]):

@@ -105,7 +105,7 @@ from fleet.envs.handover.rewards import COUNTED, HandoverRewards
 from fleet.envs.handover.rows import N_ARM_NUMBERS, N_CAR_NUMBERS
 from fleet.envs.handover.ways import lane_ways
 from fleet.envs.warehouse.control.actions import LegalActions, legal_actions
-from fleet.envs.warehouse.control.hands import N_TIP, hand_model, lead_tips, move_targets
+from fleet.envs.warehouse.control.hands import N_TIP, agents_arm, hand_model, lead_tips, move_targets
 from fleet.envs.warehouse.control.latch import Latches
 from fleet.tasks.order import Delivery
 from fleet.tasks.stream import stream_orders
@@ -162,7 +162,8 @@ class HandoverEnv(FleetEnv):
         self._places = places_of(place.stations, scene.car, len(cars))
         stops = [graph.state_at(station.dock.cell, station.dock.heading) for station in place.stations]
         self._ways = lane_ways(graph, stops)
-        self._hand = hand_model(scene.arm)
+        self._arm = agents_arm(scene)
+        self._hand = hand_model(self._arm)
         self._car_limits = np.array([scene.car.max_steering_rad, config.speed_mps])
         self._weights = config.weights or HandoverWeights()
         self._drawing: HandoverDrawing | None = None
@@ -250,7 +251,7 @@ class HandoverEnv(FleetEnv):
 
     def _tick(self, commands: FloatArray, wishes: FloatArray) -> None:
         """Advance the world by one tick."""
-        world, arm = self._world, self._scene.arm
+        world, arm = self._world, self._arm
         q = world.arm_positions()
         qd = np.empty_like(q)
         lead_tips(self._hand, q, np.ascontiguousarray(wishes[:, :N_TIP]), qd)

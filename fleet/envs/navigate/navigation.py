@@ -204,7 +204,7 @@ class NavigationEnv(FleetEnv):
         self._places = np.flatnonzero((back < UNREACHABLE) & (self._tables.to(self._starts[0]) < UNREACHABLE))
         scene = scene_of(config.place, graph.state_pose[self._starts], Grip.SUCTION)
         # Arms would only stand about.
-        scene = replace(scene, arm_base=scene.arm_base[:0], arm_start=scene.arm_start[:0])
+        scene = replace(scene, arms=scene.arms.part(()), arm_base=scene.arm_base[:0], arm_start=scene.arm_start[:0])
         self._world = _world_of(scene, graph, config)
         ticks = 1.0 / (config.control_hz * self._world.tick_s)
         self._n_ticks = round(ticks)
@@ -213,7 +213,7 @@ class NavigationEnv(FleetEnv):
             self._world.close()
         require(fits, "control_hz", config.control_hz, f"{1.0 / self._world.tick_s:.6g} / 1, 2, 3, ...")
         self._parked = self._world.save(settle=True)
-        self._no_joints = np.zeros((0, scene.arm.n_joints))
+        self._no_joints = np.zeros((0, scene.arms.width))
         self._no_grip = np.zeros(0, dtype=np.bool_)
         half_m = ((scene.car.front_m + scene.car.rear_m + TOUCH_M) / 2, scene.car.half_width_m + TOUCH_M / 2)
         self._body = np.array([(scene.car.front_m - scene.car.rear_m) / 2, *half_m])

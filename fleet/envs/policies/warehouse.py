@@ -15,9 +15,8 @@ from fleet.envs.warehouse.control.hands import N_TIP, TIP_MPS, TIP_RADPS
 from fleet.envs.warehouse.control.plans import Plans, planner_of
 from fleet.envs.warehouse.control.pursuit import Wheel, pursue
 from fleet.envs.warehouse.env import WarehouseEnv
-from fleet.envs.warehouse.rows import AROUND_AT, REACH_M, Rows
+from fleet.envs.warehouse.rows import AROUND_AT, N_JOINTS, REACH_M, Rows
 from fleet.envs.warehouse.run.agent_simulation import AgentSimulation
-from fleet.robots.iiwa import N_JOINTS
 from fleet.stations.arms.arm_manager import ArmPlanner
 
 _TIP, _ASKED, _HOLDS = 14, 29, 30  # entries of an arm's observation
@@ -90,7 +89,7 @@ class PlannedArms:
         plans.ask(simulation)
         for _ in range(env.config.n_ticks):
             plans.tick(held)
-        speeds = (plans.q - before) / step_s / simulation.scene.arm.max_velocity_radps
+        speeds = (plans.q - before) / step_s / simulation.scene.arms.max_velocity_radps
         grip = np.where(plans.grip, 1.0, -1.0)
         arms = [int(agent.rpartition("_")[2]) for agent in agents]
         return {

@@ -24,7 +24,7 @@ ARM_M = 0.05
 Colour = tuple[int, int, int]
 
 FLOOR, PATH, GOAL = (244, 244, 240), (200, 200, 192), (120, 190, 120)
-BOXES = {"wall": (90, 90, 96), "shelf": (150, 140, 128), "pedestal": (196, 186, 170)}
+BOXES = {"wall": (90, 90, 96), "shelf": (150, 140, 128), "pedestal": (196, 186, 170), "stand": (196, 186, 170)}
 CAR, TRAY, ARM, PARCEL = (40, 110, 190), (180, 210, 240), (225, 120, 30), (120, 80, 40)
 
 
@@ -69,9 +69,10 @@ class RunDrawing:
 
     def _arms(self, image: Picture) -> None:
         scene = self._simulation.scene
-        frames = link_frames(scene.arm.base_from_joint, self._simulation.world.arm_positions())
-        for base, links in zip(scene.arm_base, frames, strict=True):
-            tip = links[-1, :3, 3] + scene.arm.tool_length_m * links[-1, :3, 2]
+        joints = self._simulation.world.arm_positions()
+        for base, spec, q in zip(scene.arm_base, scene.arms.specs, joints, strict=True):
+            links = link_frames(spec.base_from_joint, q[: spec.n_joints])
+            tip = links[-1, :3, 3] + spec.tool_length_m * links[-1, :3, 2]
             joints = np.vstack((links[:, :2, 3], tip[:2]))
             cos, sin = math.cos(base[3]), math.sin(base[3])
             joints = joints @ np.array([[cos, sin], [-sin, cos]]) + base[:2]

@@ -119,7 +119,7 @@ from fleet.envs.core.base import EpisodeError, FleetEnv, Infos, Picture, in_orde
 from fleet.envs.warehouse.config import WarehouseConfig
 from fleet.envs.warehouse.control.actions import ARM_ACTIONS, N_CAR_ENTRIES, LegalActions, legal_actions
 from fleet.envs.warehouse.control.commands import Commands
-from fleet.envs.warehouse.control.hands import hand_model
+from fleet.envs.warehouse.control.hands import agents_arm, hand_model
 from fleet.envs.warehouse.control.plans import Plans
 from fleet.envs.warehouse.control.reach import reach_down
 from fleet.envs.warehouse.drawing import RunDrawing
@@ -406,7 +406,8 @@ class WarehouseEnv(FleetEnv):
     ) -> FloatArray:
         """Joint positions of all arms [rad]: agents' arms near the parcels that they are to move."""
         world, scene = simulation.world, simulation.scene
-        q, hand = world.arm_positions(), hand_model(scene.arm)
+        q, arm = world.arm_positions(), agents_arm(scene)
+        hand = hand_model(arm)
         for task, errand in zip(simulation.board.tasks, errands, strict=True):
             if errand.station >= len(self._arms) or task.parcel not in world.parcel_ids():
                 continue
@@ -417,7 +418,7 @@ class WarehouseEnv(FleetEnv):
             x, y, z, yaw = scene.arm_base[errand.station].tolist()
             dx, dy, up = (top + away - [x, y, z]).tolist()
             cos, sin = math.cos(yaw), math.sin(yaw)
-            q[errand.station] = reach_down(hand, scene.arm, np.array([cos * dx + sin * dy, cos * dy - sin * dx, up]))
+            q[errand.station] = reach_down(hand, arm, np.array([cos * dx + sin * dy, cos * dy - sin * dx, up]))
         return q
 
     def _image(self, car: int) -> npt.NDArray[np.uint8]:

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fleet.arrays import FloatArray
+from fleet.envs.warehouse.control.hands import agents_arm
 from fleet.envs.warehouse.rows import (
     MOST_ROUTE_POINTS,
     N_ARM_NUMBERS,
@@ -103,7 +104,7 @@ class Observer:
             docks=graph.state_pose[[station.dock_state for station in simulation.stations]].reshape(-1, 3),
             mission_of=_MISSION_OF,
         )
-        arm = scene.arm
+        arm = agents_arm(scene)
         self._arm_ground = ArmGround(
             lower=arm.lower_rad,
             upper=arm.upper_rad,

@@ -24,7 +24,7 @@ NEAR_M = 3.0
 N_NEIGHBOURS = 3
 """Other cars that a car is told about, nearest first."""
 REACH_M = 1.5
-"""Range of the offsets in an arm's base frame [m]: an iiwa with its tool reaches 1.1 m."""
+"""Range of the offsets in an arm's base frame [m]: an arm with its tool reaches 1.1 m."""
 EDGE_M = 0.1
 """Greatest edge of a parcel [m]."""
 MOST_ROUTE_POINTS = 512
@@ -36,6 +36,7 @@ CLOSE_M = 0.1
 SERVICE_S, HELD_S = 30.0, 10.0
 """A transfer, and a parcel in the grip, are told how long they have lasted, up to this [s]."""
 N_JOINTS = 7
+"""Joints of an arm that agents move."""
 N_ARM_ENTRIES = N_JOINTS + 1
 """Most entries of an arm's action."""
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from typing import NamedTuple
 
 import numpy as np
 import rerun as rr
@@ -30,11 +31,19 @@ CAR_BODIES = f"world/cars/{BODY}"
 """The entity that has one row per frame."""
 TRAILS = "world/trails"
 RAYS, HITS = "world/scans/rays", "world/scans/hits"
-_BASE = "link_0"
 _FEW_CARS = 8
 """Of more cars than this nobody sees the wheels turn: they are drawn as a part of the body."""
 _TRAIL_S, _TRAIL_STEP_S = 5.0, 0.5
 """Length of a trail, and time between its points [s]."""
+
+
+class _DrawnArms(NamedTuple):
+    """All arms of a model."""
+
+    arms: IntArray
+    """Which they are, shape (k,)."""
+    links: dict[int, str]
+    """Entity of each drawn link by its number; the base goes once it is placed."""
 
 
 class DrawnBodies:
@@ -50,11 +59,11 @@ class DrawnBodies:
         self._rec = rec
         self._chunks = chunks
         self._scene = scene
-        n_cars, n_arms = len(scene.car_start), len(scene.arm_base)
+        n_cars = len(scene.car_start)
         self._wheels = n_cars <= _FEW_CARS
         self._car_parts = self._opened("world/cars", car_parts(scene.car, wheels=self._wheels) if n_cars else ())
-        self._arm_parts = self._opened("world/arms", arm_parts(scene.arm) if n_arms else ())
-        self._chain = ArmChain(scene.arm)
+        self._arm_models = list(self._opened_arms())
+        self._chain = ArmChain(scene.arms)
         self._place_bases()
         log_tags(rec, CAR_BODIES, n_cars, scene.car)
         self._arm_q: FloatArray | None = None
@@ -83,14 +92,22 @@ class DrawnBodies:
             log_part(self._rec, path, part)
         return opened
 
+    def _opened_arms(self) -> Iterator[_DrawnArms]:
+        """Drawn links of the arms, those of each model by themselves."""
+        team = self._scene.arms
+        for spec in team.models:
+            root = "world/arms" if len(team.models) == 1 else f"world/arms/{spec.name}"
+            opened = self._opened(root, arm_parts(spec))
+            links = {int(part.link.removeprefix("link_")): path for path, part in opened}
+            yield _DrawnArms(np.array([arm for arm, own in enumerate(team.specs) if own.name == spec.name]), links)
+
     def _place_bases(self) -> None:
         """Bases of arms do not move."""
         position, quat = self._chain.link_poses(self._scene.arm_base, self._scene.arm_start[None])
-        for path, part in self._arm_parts:
-            if part.link == _BASE:
-                base = rr.InstancePoses3D(translations=position[0, 0], quaternions=quat[0, 0])
-                self._rec.log(path, base, static=True)
-        self._arm_parts = [(path, part) for path, part in self._arm_parts if part.link != _BASE]
+        for arms, links in self._arm_models:
+            if 0 in links:
+                base = rr.InstancePoses3D(translations=position[0, 0, arms], quaternions=quat[0, 0, arms])
+                self._rec.log(links.pop(0), base, static=True)
 
     def _write_cars(self, frames: Sequence[Frame], index: list[Times]) -> None:
         if not self._car_parts:
@@ -113,7 +130,7 @@ class DrawnBodies:
 
     def _write_arms(self, frames: Sequence[Frame]) -> None:
         """Rows only for frames in which an arm has moved."""
-        if not self._arm_parts:
+        if not self._arm_models:
             return
         q = _stacked([frame.arm_q for frame in frames])
         before = np.concatenate([q[:1] if self._arm_q is None else self._arm_q[None], q[:-1]])
@@ -124,11 +141,13 @@ class DrawnBodies:
             return
         index = index_of([frame for frame, new in zip(frames, moved, strict=True) if new])
         position, quat = self._chain.link_poses(self._scene.arm_base, q[moved])
-        # The rows of all links but the base, one link after the other.
-        columns = _instances(position[1:].reshape(-1, *position.shape[2:]), quat[1:].reshape(-1, *quat.shape[2:]))
         n_rows = position.shape[1]
-        for k, (path, _) in enumerate(self._arm_parts):
-            self._chunks.add(path, index, [column.part(k * n_rows, n_rows) for column in columns])
+        for arms, links in self._arm_models:
+            # The rows of all links but the base, one link after the other.
+            own = [part[1:, :, arms].reshape(-1, len(arms), part.shape[3]) for part in (position, quat)]
+            columns = _instances(*own)
+            for link, path in links.items():
+                self._chunks.add(path, index, [column.part((link - 1) * n_rows, n_rows) for column in columns])
 
     def _write_parcels(self, frames: Sequence[Frame], index: list[Times]) -> None:
         poses = snapped(np.concatenate([frame.parcel_poses for frame in frames]))

@@ -57,7 +57,7 @@ STATE_COLOURS = {
 }
 """Colours of states and of groups of them; an unknown state gets a colour of its own from its name."""
 
-BOX_COLOURS = {"wall": 0x64748BFF, "shelf": 0xA9835760, "pedestal": 0xB8C0CCFF}
+BOX_COLOURS = {"wall": 0x64748BFF, "shelf": 0xA9835760, "pedestal": 0xB8C0CCFF, "stand": 0xB8C0CCFF}
 BOX_DEFAULT = 0x808080FF
 FLOOR = 0x2A2F38FF
 LANE = 0x7B879AFF

@@ -11,7 +11,9 @@ from numba import njit
 
 from fleet.arrays import FloatArray
 from fleet.recording.rerun_stream.meshes import Mesh, link_mesh
-from fleet.robots.spec import WHEELS, ArmSpec, CarSpec
+from fleet.robots.arms.spec import ArmSpec
+from fleet.robots.arms.team import ArmTeam
+from fleet.robots.spec import WHEELS, CarSpec
 
 Array = npt.NDArray[np.floating]
 LinkPoses = Mapping[str, tuple[Array, Array]]
@@ -128,18 +130,19 @@ def _on_floor(poses: Array) -> tuple[FloatArray, FloatArray]:
 
 
 class ArmChain:
-    """Forward kinematics of all arms of a kind.
+    """Forward kinematics of arms.
 
     Args:
-        spec: The arm.
+        team: Their models.
     """
 
-    def __init__(self, spec: ArmSpec) -> None:
-        self._places = np.ascontiguousarray(spec.base_from_joint[:, :3, 3])
-        self._turns = np.array([quat_from_matrix(parent_from_joint) for parent_from_joint in spec.base_from_joint])
+    def __init__(self, team: ArmTeam) -> None:
+        self._places = np.ascontiguousarray(team.joints[:, :, :, 3])
+        self._turns = np.array([[quat_from_matrix(joint) for joint in arm] for arm in team.joints])
+        self._turns = self._turns.reshape(len(team), team.width, 4)
 
     def link_poses(self, base: Array, q: Array) -> tuple[Array, Array]:
-        """Poses of the links.
+        """Poses of the links; those of links that an arm does not have are those of its last.
 
         Args:
             base: Base poses x, y, z, yaw, shape (m, 4).
@@ -149,7 +152,7 @@ class ArmChain:
             Positions (n_joints + 1, f, m, 3) [m] and quaternions xyzw (n_joints + 1, f, m, 4) of the links from the
             base on, in the world.
         """
-        shape = (len(self._turns) + 1, *q.shape[:2])
+        shape = (self._turns.shape[1] + 1, *q.shape[:2])
         position, quat = np.empty((*shape, 3)), np.empty((*shape, 4))
         _chain(np.asarray(base, np.float64), self._places, self._turns, np.asarray(q, np.float64), position, quat)
         return position, quat
@@ -165,7 +168,7 @@ def _chain(
     quat: FloatArray,
 ) -> None:
     """Fill positions (n + 1, f, m, 3) and quaternions (n + 1, f, m, 4) from base (m, 4) on, along joints that stand at
-    `places` (n, 3), turned by `turns` (n, 4), in the link before, and turn about their z by q (f, m, n).
+    `places` (m, n, 3), turned by `turns` (m, n, 4), in the link before, and turn about their z by q (f, m, n).
     """
     for f in range(q.shape[0]):
         for m in range(q.shape[1]):
@@ -174,7 +177,7 @@ def _chain(
             position[0, f, m, 0], position[0, f, m, 1], position[0, f, m, 2] = x, y, z
             quat[0, f, m, 0], quat[0, f, m, 1], quat[0, f, m, 2], quat[0, f, m, 3] = a, b, c, d
             for k in range(q.shape[2]):
-                vx, vy, vz = places[k, 0], places[k, 1], places[k, 2]
+                vx, vy, vz = places[m, k, 0], places[m, k, 1], places[m, k, 2]
                 # v' = v + 2 w (u x v) + 2 u x (u x v), the expansion of q v q* for unit q = (u, w)
                 tx, ty, tz = 2 * (b * vz - c * vy), 2 * (c * vx - a * vz), 2 * (a * vy - b * vx)
                 x += vx + d * tx + b * tz - c * ty
@@ -182,10 +185,10 @@ def _chain(
                 z += vz + d * tz + a * ty - b * tx
                 sin, cos = np.sin(q[f, m, k] / 2), np.cos(q[f, m, k] / 2)
                 # the fixed turn, then (0, 0, sin, cos)
-                e = turns[k, 0] * cos + turns[k, 1] * sin
-                g = turns[k, 1] * cos - turns[k, 0] * sin
-                h = turns[k, 2] * cos + turns[k, 3] * sin
-                i = turns[k, 3] * cos - turns[k, 2] * sin
+                e = turns[m, k, 0] * cos + turns[m, k, 1] * sin
+                g = turns[m, k, 1] * cos - turns[m, k, 0] * sin
+                h = turns[m, k, 2] * cos + turns[m, k, 3] * sin
+                i = turns[m, k, 3] * cos - turns[m, k, 2] * sin
                 a, b, c, d = (
                     d * e + a * i + b * h - c * g,
                     d * g - a * h + b * i + c * e,

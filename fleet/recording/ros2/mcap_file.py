@@ -79,11 +79,13 @@ class McapFile:
         self._odom = [self._channel(f"/{car}/odom", ODOMETRY) for car in cars]
         self._steering = [joint_state(["left_steer", "right_steer"], velocities=False) for _ in cars]
         self._car_joints = [self._channel(f"/{car}/joint_states", JOINT_STATE) for car in cars]
-        names = [f"joint_{k}" for k in range(1, scene.arm.n_joints + 1)]
-        self._positions = [joint_state(names, velocities=True) for _ in arms]
+        self._n_joints = scene.arms.n_joints.tolist()
+        self._positions = [
+            joint_state([f"joint_{k}" for k in range(1, n + 1)], velocities=True) for n in self._n_joints
+        ]
         self._arm_joints = [self._channel(f"/{arm}/joint_states", JOINT_STATE) for arm in arms]
         self._events = self._channel("/events", LOG)
-        self._chain = ArmChain(scene.arm)
+        self._chain = ArmChain(scene.arms)
         self._at_home = np.zeros((n_arms, 4))
         self.n_messages = 0
         """Messages written so far."""
@@ -129,7 +131,8 @@ class McapFile:
             self._write(self._odom[k], time_ns, self._odometry[k].encoded(time_ns, row + twist))
             angles = [float(left[k]), float(right[k])]
             self._write(self._car_joints[k], time_ns, self._steering[k].encoded(time_ns, angles))
-        for k, q in enumerate(np.concatenate((arm_q, arm_qd), axis=1).tolist() if len(arm_q) else ()):
+        for k, n in enumerate(self._n_joints):
+            q = [*arm_q[k, :n].tolist(), *arm_qd[k, :n].tolist()]
             self._write(self._arm_joints[k], time_ns, self._positions[k].encoded(time_ns, q))
 
     def event(self, sim_s: float, level: int, kind: str, text: str) -> None:

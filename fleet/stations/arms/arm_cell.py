@@ -16,7 +16,7 @@ from maps.site import Site
 from maps.stations import StationPlace
 
 REACH_M = 1.4
-"""Boxes farther from the base than this cannot be touched [m]: iiwa reach 0.82 m plus tool, elbow and parcel."""
+"""Boxes farther from the base than this cannot be touched [m]: arms reach up to 0.86 m, plus tool and parcel."""
 FENCE_M = 0.95
 """An arm stays within this of its base along x and along y [m]; bases are at least twice as far apart."""
 PASSING_CAR_M = 0.45
@@ -97,23 +97,23 @@ def arm_cells(site: Site, scene: Scene) -> tuple[ArmCell, ...]:
     centre = np.array([box.centre_m[:2] for box in scene.boxes]).reshape(-1, 2)
     half = np.array([box.half_m[:2] for box in scene.boxes]).reshape(-1, 2)
     cells = []
-    for place in site.stations:
+    for arm, place in enumerate(site.stations):
         # A first look at all boxes together, since a large floor has thousands for each of hundreds of arms.
         gap = np.abs(centre - np.array(place.arm.pose[:2])) - half
         near = np.flatnonzero((gap < REACH_M).all(axis=1))
-        cells.append(_arm_cell(site, scene, place, [scene.boxes[k] for k in near.tolist()]))
+        cells.append(_arm_cell(site, scene, arm, place, [scene.boxes[k] for k in near.tolist()]))
     return tuple(cells)
 
 
-def _arm_cell(site: Site, scene: Scene, place: StationPlace, near_boxes: list[StaticBox]) -> ArmCell:
-    base = np.asarray(place.arm.pose, dtype=np.float64)
+def _arm_cell(site: Site, scene: Scene, arm: int, place: StationPlace, near_boxes: list[StaticBox]) -> ArmCell:
+    base = np.array(scene.arm_base[arm], dtype=np.float64)
     grid = site.grid
-    boxes: list[_Box] = [
-        _Box(np.array([base[0], base[1], base[2] - 0.05]), np.array([3.0, 3.0, 0.05]), 0.0, FLOOR_FRAME)
-    ]
+    boxes: list[_Box] = [_Box(np.array([base[0], base[1], -0.05]), np.array([3.0, 3.0, 0.05]), 0.0, FLOOR_FRAME)]
     for box in near_boxes:
         centre, half = np.array(box.centre_m), np.array(box.half_m)
-        boxes.append(_Box(centre, half, name=_name(grid, place, box.kind, centre, half)))
+        own = box.kind == "stand" and np.allclose(centre[:2], base[:2])
+        name = "" if own else _name(grid, place, box.kind, centre, half)
+        boxes.append(_Box(centre, half, min_frame=FLOOR_FRAME if own else 0, name=name))
     for number, (x, y, z) in enumerate(place.slots, start=1):
         # Always as if the rack were full of the largest parcels, so that a plan holds whatever lies there.
         top = np.array([x, y, z + MAX_EDGE_M / 2])

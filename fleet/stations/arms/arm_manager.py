@@ -9,7 +9,6 @@ import numpy as np
 
 from fleet.arrays import FloatArray, IntArray
 from fleet.config import ArmConfig
-from fleet.robots.spec import CarSpec
 from fleet.stations.arms.arm_controller import ArmController, ArmPhase
 from fleet.stations.arms.transfer import (
     ArmRequest,
@@ -19,6 +18,7 @@ from fleet.stations.arms.transfer import (
     Transfer,
     TransferRequest,
 )
+from fleet.world.scene import Scene
 
 # Members of an enumeration are slow to look up, and every arm is asked in every tick.
 _IDLE, _HOLDING, _DONE, _DROPPED = ArmPhase.IDLE, ArmPhase.HOLDING, ArmPhase.DONE, ArmPhase.DROPPED
@@ -52,8 +52,7 @@ class ArmManager:
     Args:
         planner: Answers requests.
         config: Latency of an answer in simulated time.
-        car: Model of the cars that are served.
-        start_rad: Joint positions at the start, shape (n_arms, n_joints).
+        scene: The arms where they start, and the model of the cars that are served.
         tick_s: Length of a tick [s].
         lost: Called as ``lost(arm, parcel)`` when an arm has lost a parcel from its grip; returns why, in words, or
             nothing if it was taken away on purpose.
@@ -63,15 +62,19 @@ class ArmManager:
         self,
         planner: ArmPlanner,
         config: ArmConfig,
-        car: CarSpec,
-        start_rad: FloatArray,
+        scene: Scene,
         tick_s: float,
         *,
         lost: Callable[[int, int], str] = lambda arm, parcel: "",
     ) -> None:
-        self.car = car
-        self.services = [self._service(arm, q) for arm, q in enumerate(start_rad)]
+        start_rad = np.asarray(scene.arm_start, dtype=np.float64)
+        self.car = scene.car
+        self._n_joints = scene.arms.n_joints.tolist()
+        self.services = [
+            self._service(arm, q[:n]) for arm, (q, n) in enumerate(zip(start_rad, self._n_joints, strict=True))
+        ]
         self.q = start_rad.copy()
+        """Set-points of all joints [rad], shape (n_arms, n_joints)."""
         self.qd = np.zeros_like(start_rad)
         self.grip = np.zeros(len(start_rad), dtype=np.bool_)
         self._planner = planner
@@ -170,7 +173,8 @@ class ArmManager:
                 self.qd[service.arm] = 0.0
                 continue
             service.tick(self._tick_s, int(held[service.arm]))
-            self.q[service.arm], self.qd[service.arm] = service.q, service.qd
+            n = self._n_joints[service.arm]
+            self.q[service.arm, :n], self.qd[service.arm, :n] = service.q, service.qd
             self.grip[service.arm] = service.grip
             if service.state is _DONE:
                 service.reset()

@@ -9,10 +9,9 @@ import numpy as np
 
 from fleet.arrays import FloatArray
 from fleet.errors import FleetError
-from fleet.robots.spec import ArmSpec
-from fleet.robots.tools import Tool
-from planners.motion.arm.ik import SrsGeometry
+from fleet.robots.arms.spec import ArmSpec
 from planners.motion.arm.ik_numeric import NumericInverse
+from planners.motion.arm.inverse import inverse_kinematics
 from planners.motion.collision.collision import CollisionChecker
 from planners.motion.collision.obstacles import Boxes
 from planners.motion.path.lines import straight_line, tip_pose
@@ -59,23 +58,22 @@ class ArmMotions:
     """Makes motions of one arm; everything in the base frame.
 
     Args:
-        spec: The arm's limits.
-        tool: Its length counts.
+        spec: The arm with its tool.
         confirm: The physics engine's last word, if there is an engine.
     """
 
-    def __init__(self, spec: ArmSpec, tool: Tool, confirm: Confirm | None) -> None:
-        self.srs = SrsGeometry.from_joints(spec.base_from_joint, spec.lower_rad, spec.upper_rad)
+    def __init__(self, spec: ArmSpec, confirm: Confirm | None) -> None:
+        self.inverse = inverse_kinematics(spec.base_from_joint, spec.lower_rad, spec.upper_rad)
         self._descent = NumericInverse.from_joints(spec.base_from_joint, spec.lower_rad, spec.upper_rad)
-        self._spec, self._tool_m, self._confirm = spec, tool.length_m, confirm
+        self._spec, self._tool_m, self._confirm = spec, spec.tool_length_m, confirm
 
     def tip(self, q: FloatArray) -> FloatArray:
         """Pose of the tool's tip for q (n,), shape (4, 4)."""
-        return tip_pose(self.srs, q, self._tool_m)
+        return tip_pose(self.inverse, q, self._tool_m)
 
     def line(self, q: FloatArray, tip: FloatArray) -> FloatArray | None:
         """Straight way of the tip to a pose, shape (k, n); None if there is none."""
-        return straight_line(self.srs, self._descent, q, tip, self._tool_m)
+        return straight_line(self.inverse, self._descent, q, tip, self._tool_m)
 
     def timed(self, path: FloatArray, speed: float, checker: CollisionChecker) -> Trajectory:
         """Fastest motion along a path; corners are cut less if cutting them would touch something.

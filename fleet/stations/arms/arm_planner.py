@@ -6,6 +6,7 @@ import logging
 import pickle
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import product
 from typing import TYPE_CHECKING, Any
 
@@ -14,12 +15,12 @@ import numpy as np
 from fleet.arrays import FloatArray
 from fleet.config import RunConfig
 from fleet.robots import racecar_spec
-from fleet.robots.spec import ArmSpec
-from fleet.robots.tools import TOOLS
+from fleet.robots.arms.spec import ArmSpec
+from fleet.robots.arms.team import ArmTeam
 from fleet.stations.arms.arm_cell import ArmCell
 from fleet.stations.arms.arm_motions import Held, UnreachableError
 from fleet.stations.arms.arm_process import BEAT, ENDED, FAILED, KEEP_TREES, READY, ArmProcess, ArmWorkerError
-from fleet.stations.arms.arm_spheres import planned_arm
+from fleet.stations.arms.arm_spheres import PlannedArm, planned_arm
 from fleet.stations.arms.cell_planner import CellPlanner, KnownWays
 from fleet.stations.arms.refusal import PlaceRefusal, refusal_of
 from fleet.stations.arms.search import Search
@@ -56,8 +57,8 @@ class ArmSetup:
     cells: tuple[ArmCell, ...]
     names: tuple[str, ...]
     """Station of each cell, for messages."""
-    spec: ArmSpec
-    tool: str
+    specs: tuple[ArmSpec, ...]
+    """Arm of each cell, with its tool."""
     planner: str
     n_iterations: int
     confirm: bool
@@ -117,51 +118,62 @@ class LocalArmPlanner:
         self._tickets = 0
         self._keeps_trees = False
         self._planners: dict[int, CellPlanner] = {}
-        self._known: dict[bytes, KnownWays] = {}
+        self._known: dict[tuple[str, bytes], KnownWays] = {}
         self._setup = setup
-        self._arm, self._car = planned_arm(setup.spec, TOOLS[setup.tool]), racecar_spec()
-        self._engine: EngineConfirm | None = None
-        if setup.confirm:
-            # Only here, so that worlds without physics never load the engine.
-            from fleet.world.bullet.confirm import PathConfirmer
-
-            tool = TOOLS[setup.tool]
-            self._engine = EngineConfirm(PathConfirmer.of_spec(setup.spec, tool), tool.length_m)
+        self._car = racecar_spec()
+        self._arms: dict[str, PlannedArm] = {}
+        self._engines: dict[str, EngineConfirm] = {}
         try:
+            for spec in setup.specs:
+                self._model(spec)
             self._prepare(setup, told)
         except BaseException:
             self.close()
             raise
 
+    def _model(self, spec: ArmSpec) -> None:
+        """Take in a model of arm, if it is new."""
+        if spec.name in self._arms:
+            return
+        self._arms[spec.name] = planned_arm(spec)
+        if self._setup.confirm:
+            # Only here, so that worlds without physics never load the engine.
+            from fleet.world.bullet.confirm import PathConfirmer
+
+            self._engines[spec.name] = EngineConfirm(PathConfirmer.of_spec(spec), spec.tool_length_m)
+
     def _prepare(self, setup: ArmSetup, told: Callable[[str], None] | None) -> None:
         """Look at the arms, of those with the same surroundings at one, before any is refused."""
-        judged: dict[bytes, PlaceRefusal | None] = {}
+        judged: dict[tuple[str, bytes], PlaceRefusal | None] = {}
         refusals = []
         for arm, (name, cell) in enumerate(zip(setup.names, setup.cells, strict=True)):
             if told is not None:
                 told(name)
-            key = cell.geometry_key()
+            spec = setup.specs[arm]
+            key = spec.name, cell.geometry_key()
             if key not in judged:
-                judged[key] = refusal_of(self._planner(arm), self._planner_of)
+                judged[key] = refusal_of(self._planner(arm), partial(self._planner_of, spec))
             refusal = judged[key]
             if refusal is not None:
-                refusals.append(refusal.words(name, setup.tool, cell))
+                refusals.append(refusal.words(name, spec, cell))
         if refusals:
             raise ReachError(tuple(refusals))
 
     def _planner(self, arm: int) -> CellPlanner:
         """The planner of an arm, made when it is first needed."""
         if arm not in self._planners:
-            cell = self._setup.cells[arm]
-            planner = self._planner_of(cell, self._known.setdefault(cell.geometry_key(), KnownWays()))
+            spec, cell = self._setup.specs[arm], self._setup.cells[arm]
+            known = self._known.setdefault((spec.name, cell.geometry_key()), KnownWays())
+            planner = self._planner_of(spec, cell, known)
             if self._keeps_trees:
                 planner.keep_trees()
             self._planners[arm] = planner
         return self._planners[arm]
 
-    def _planner_of(self, cell: ArmCell, known: KnownWays | None = None) -> CellPlanner:
+    def _planner_of(self, spec: ArmSpec, cell: ArmCell, known: KnownWays | None = None) -> CellPlanner:
         search = Search(self._setup.planner, self._setup.n_iterations)
-        return CellPlanner(cell, self._arm, self._car, search, known=known, confirm=self._engine)
+        arm, engine = self._arms[spec.name], self._engines.get(spec.name)
+        return CellPlanner(cell, arm, self._car, search, known=known, confirm=engine)
 
     def wait_ready(self) -> None:
         """Nothing to wait for: see the constructor."""
@@ -198,10 +210,10 @@ class LocalArmPlanner:
         return self._answers.pop(ticket)
 
     def close(self) -> None:
-        """Free the engine's client; calling twice is harmless."""
-        if self._engine is not None:
-            self._engine.close()
-            self._engine = None
+        """Free the engine's clients; calling twice is harmless."""
+        for engine in self._engines.values():
+            engine.close()
+        self._engines.clear()
 
 
 class WorkerArmPlanner:
@@ -318,20 +330,19 @@ class WorkerArmPlanner:
         return process
 
 
-def arm_setup(cells: tuple[ArmCell, ...], names: tuple[str, ...], spec: ArmSpec, config: RunConfig) -> ArmSetup:
+def arm_setup(cells: tuple[ArmCell, ...], names: tuple[str, ...], team: ArmTeam, config: RunConfig) -> ArmSetup:
     """What the arm planner of a run is made from.
 
     Args:
         cells: One for each arm.
         names: Of their stations.
-        spec: The arms' model.
+        team: The arms.
         config: Of the run.
     """
     return ArmSetup(
         cells=cells,
         names=names,
-        spec=spec,
-        tool=str(config.grip),
+        specs=team.specs,
         planner=config.arms.planner,
         n_iterations=config.arms.iterations_n,
         confirm=config.fidelity.has_contact,
@@ -339,8 +350,8 @@ def arm_setup(cells: tuple[ArmCell, ...], names: tuple[str, ...], spec: ArmSpec,
 
 
 def make_arm_planner(
-    cells: tuple[ArmCell, ...], names: tuple[str, ...], spec: ArmSpec, config: RunConfig
+    cells: tuple[ArmCell, ...], names: tuple[str, ...], team: ArmTeam, config: RunConfig
 ) -> LocalArmPlanner | WorkerArmPlanner:
     """The planner that the configuration asks for; a worker starts at once and works on while others set up."""
-    setup = arm_setup(cells, names, spec, config)
+    setup = arm_setup(cells, names, team, config)
     return WorkerArmPlanner(setup) if config.arms.workers_n else LocalArmPlanner(setup)

@@ -9,13 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-from fleet.robots.spec import ArmSpec
-from fleet.robots.tools import Tool
+from fleet.robots.arms.spec import ArmSpec
 from planners.motion.arm.arm_model import ArmModel, build_arm_model
-from planners.motion.arm.spheres import box_spheres, read_binary_stl
-
-SPHERES_PER_LINK = (3, 4, 4, 4, 4, 4, 3, 2)
-"""Links 0 to 7 of the iiwa; more spheres fit closer and check slower."""
+from planners.motion.arm.spheres import box_spheres, sphere_count
 
 TOOL_SPHERE_M = 0.03
 """A tool's boxes are cut into cells of this edge, one sphere around each [m]."""
@@ -26,13 +22,12 @@ class PlannedArm:
     """An arm as planners need it: its limits, its tool, and the spheres that cover both."""
 
     spec: ArmSpec
-    tool: Tool
     spheres: ArmModel
 
 
-def planned_arm(spec: ArmSpec, tool: Tool) -> PlannedArm:
-    """Cover an arm that holds a tool; see `arm_spheres`."""
-    return PlannedArm(spec=spec, tool=tool, spheres=arm_spheres(spec, tool))
+def planned_arm(spec: ArmSpec) -> PlannedArm:
+    """Cover an arm and its tool; see `arm_spheres`."""
+    return PlannedArm(spec=spec, spheres=arm_spheres(spec))
 
 
 def cache_dir() -> Path:
@@ -41,17 +36,17 @@ def cache_dir() -> Path:
     return Path(root) / "fleet"
 
 
-def arm_spheres(spec: ArmSpec, tool: Tool) -> ArmModel:
-    """Fit spheres to an arm's collision meshes and its tool.
+def arm_spheres(spec: ArmSpec) -> ArmModel:
+    """Fit spheres to the hulls of an arm's links, and cover the boxes of its tool by a grid of them.
 
     Args:
-        spec: The arm; its description's folder holds `meshes/link_0.stl` to `link_7.stl`.
-        tool: Its boxes are covered by a grid of spheres.
+        spec: The arm.
 
     Returns:
         The model in the arm's base frame.
     """
-    meshes = [read_binary_stl(spec.urdf.parent / "meshes" / f"link_{k}.stl") for k in range(spec.n_joints + 1)]
+    tool = spec.tool
+    links = [np.concatenate([solid.vertices() for solid in solids]) for solids in spec.solids]
     centres, radii, corners = [], [], []
     for part in tool.visuals:
         size = np.array(part.size_m)
@@ -67,8 +62,8 @@ def arm_spheres(spec: ArmSpec, tool: Tool) -> ArmModel:
         base_from_joint=spec.base_from_joint,
         lower=spec.lower_rad,
         upper=spec.upper_rad,
-        link_vertices=meshes,
-        spheres_per_link=SPHERES_PER_LINK,
+        link_vertices=links,
+        spheres_per_link=spec.spheres_per_link or [sphere_count(vertices) for vertices in links],
         tool_length=spec.tool_length_m,
         tool_centre=np.concatenate(centres),
         tool_radius=np.concatenate(radii),

@@ -156,9 +156,9 @@ class CellPlanner:
         confirm: Confirm | None = None,
     ) -> None:
         self.cell = cell
-        spec, tool, model = arm.spec, arm.tool, arm.spheres
+        spec, tool, model = arm.spec, arm.spec.tool, arm.spheres
         self._model, self._spec, self._tool, self._car = model, spec, tool, car
-        self._motions = ArmMotions(spec, tool, confirm)
+        self._motions = ArmMotions(spec, confirm)
         self._search = search
         boxes = Boxes(centre=cell.box_centre, half=cell.box_half, yaw=cell.box_yaw, min_frame=cell.box_min_frame)
         held = box_spheres((MAX_EDGE_M / 2,) * 3)
@@ -473,7 +473,7 @@ class CellPlanner:
         for yaw in np.linspace(-np.pi, np.pi, TOOL_YAWS, endpoint=False):
             tip = _down(yaw)
             tip[:3, 3] = support[0], support[1], support[2] + MAX_EDGE_M + LIFT_M
-            candidates.append(self._motions.srs.ik_all(flange_from_tip(tip, self._tool.length_m)))
+            candidates.append(self._motions.inverse.ik_all(flange_from_tip(tip, self._tool.length_m)))
         q = np.concatenate(candidates)
         inside = ((q > self._spec.lower_rad + LIMIT_MARGIN_RAD) & (q < self._spec.upper_rad - LIMIT_MARGIN_RAD)).all(1)
         q = q[inside]

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fleet.arrays import BoolArray
+from fleet.robots.arms.spec import ArmSpec
 from fleet.stations.arms.arm_cell import ArmCell
 from fleet.stations.arms.arm_motions import UnreachableError
 from fleet.stations.arms.cell_planner import HOME, CellPlanner, PlaceError
@@ -29,15 +30,15 @@ class PlaceRefusal:
     in_the_way: tuple[int, ...]
     """Boxes of the cell without which the place could be served; empty if taking away boxes does not help."""
 
-    def words(self, station: str, grip: str, cell: ArmCell) -> str:
+    def words(self, station: str, arm: ArmSpec, cell: ArmCell) -> str:
         """The refusal in one line.
 
         Args:
             station: Name of the station.
-            grip: Name of the tool.
+            arm: Its arm with the tool.
             cell: The station's surroundings.
         """
-        return f"station {station}, grip {grip}, {self.why}; valid: {self._cure(cell)}"
+        return f"station {station}, arm {arm.name}, grip {arm.tool.name}, {self.why}; valid: {self._cure(cell)}"
 
     def _cure(self, cell: ArmCell) -> str:
         names = list(dict.fromkeys(cell.box_name[k] for k in self.in_the_way))

@@ -52,7 +52,7 @@ class Retrieval:
     """
 
     def __init__(self, arm: PlannedArm, motions: ArmMotions, search: Search, margins: Margins) -> None:
-        self._model, self._spec, self._tool = arm.spheres, arm.spec, arm.tool
+        self._model, self._spec, self._tool = arm.spheres, arm.spec, arm.spec.tool
         self._motions, self._search, self._margins = motions, search, margins
 
     def steps(self, grips: LooseGrips, held: Held, boxes: Boxes, onward: FloatArray) -> tuple[Step, ...]:
@@ -91,7 +91,9 @@ class Retrieval:
 
     def _postures(self, grips: LooseGrips, line: CollisionChecker) -> FloatArray:
         """Postures that hold the parcel, nearest to rest first, shape (k, n)."""
-        q = np.concatenate([self._motions.srs.ik_all(flange_from_tip(tip, self._tool.length_m)) for tip in grips.tips])
+        q = np.concatenate(
+            [self._motions.inverse.ik_all(flange_from_tip(tip, self._tool.length_m)) for tip in grips.tips]
+        )
         if len(q) == 0:
             raise UnreachableError("no way to the parcel (unreachable)")
         q = q[line.batch(q)]

@@ -8,7 +8,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from fleet.arrays import FloatArray
-from fleet.robots.tools import Tool
 from fleet.stations.arms.arm_cell import FENCE_M
 from fleet.stations.arms.arm_controller import ArmController
 from fleet.stations.arms.arm_spheres import arm_spheres
@@ -129,13 +128,12 @@ class SharedDock:
         return bool(ahead[rows].max() <= self._own_m - MARGIN_M)
 
 
-def share_docks(site: Site, scene: Scene, tool: Tool, services: Sequence[ArmController]) -> tuple[SharedDock, ...]:
+def share_docks(site: Site, scene: Scene, services: Sequence[ArmController]) -> tuple[SharedDock, ...]:
     """Coordinate the arms of every dock that has two.
 
     Args:
         site: Says which stations share a dock.
-        scene: Says where the arms stand.
-        tool: What the arms hold parcels with.
+        scene: Says which arms there are, and where they stand.
         services: What the arms do, in the order of the stations; they are given their gates.
     """
     arms_at: dict[DockPlace, list[int]] = {}
@@ -144,13 +142,20 @@ def share_docks(site: Site, scene: Scene, tool: Tool, services: Sequence[ArmCont
     pairs = sorted(pair for arms in arms_at.values() for pair in itertools.combinations(arms, 2))
     if not pairs:
         return ()
-    model = arm_spheres(scene.arm, tool)
+    specs = {spec.name: spec for arm in {arm for pair in pairs for arm in pair} for spec in (scene.arms.specs[arm],)}
+    models = {name: arm_spheres(spec) for name, spec in specs.items()}
     centre, radius = box_spheres((MAX_EDGE_M / 2,) * 3)
-    held = centre + np.array([0.0, 0.0, tool.length_m + MAX_EDGE_M / 2]), radius
+
+    def in_world(arm: int, *, loaded: bool) -> ArmInWorld:
+        spec = scene.arms.specs[arm]
+        below = np.array([0.0, 0.0, spec.tool_length_m + MAX_EDGE_M / 2])
+        held = (centre + below, radius) if loaded else None
+        return ArmInWorld(models[spec.name], _pose(scene.arm_base[arm]), held)
+
     return tuple(
         SharedDock(
-            [ArmInWorld(model, _pose(scene.arm_base[arm])) for arm in pair],
-            [ArmInWorld(model, _pose(scene.arm_base[arm]), held) for arm in pair],
+            [in_world(arm, loaded=False) for arm in pair],
+            [in_world(arm, loaded=True) for arm in pair],
             [services[arm] for arm in pair],
             FENCE_M,
         )

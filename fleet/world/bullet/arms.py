@@ -9,8 +9,7 @@ import numpy as np
 from numba import njit
 
 from fleet.arrays import BoolArray, FloatArray, IntArray
-from fleet.robots.spec import ArmSpec
-from fleet.robots.tools import Tool
+from fleet.robots.arms.team import ArmTeam
 from fleet.world.bullet.engine.client import Client
 from fleet.world.bullet.engine.frames import quaternion
 
@@ -62,36 +61,34 @@ class Arms:
 
     Args:
         client: Connection.
-        spec: Arm model; the engine loads its description.
+        team: Models of the arms; the engine loads their descriptions.
         base: Base poses x, y, z, yaw, shape (m, 4).
         start: Joint positions [rad], shape (m, n_joints).
-        tool: What the arms hold.
         steps: When the motors are told what.
     """
 
     def __init__(
         self,
         client: Client,
-        spec: ArmSpec,
+        team: ArmTeam,
         base: FloatArray,
         start: FloatArray,
-        tool: Tool,
         steps: MotorSteps,
     ) -> None:
         self._client = client
-        self._spec = spec
         self._steps = steps
-        self._joints = list(range(spec.n_joints))
-        self._forces = (steps.limit_share * spec.max_torque_nm).tolist()
-        self._gains = [_POSITION_GAIN] * spec.n_joints
-        self._loose = [0.0] * spec.n_joints
-        self._unit = [1.0] * spec.n_joints
-        self.tool = tool
+        self._joints = [list(range(spec.n_joints)) for spec in team.specs]
+        self._forces = [(steps.limit_share * spec.max_torque_nm).tolist() for spec in team.specs]
+        self._gains = [[_POSITION_GAIN] * spec.n_joints for spec in team.specs]
+        self._loose = [[0.0] * spec.n_joints for spec in team.specs]
+        self._unit = [[1.0] * spec.n_joints for spec in team.specs]
+        self.tools = [spec.tool for spec in team.specs]
+        """What each arm holds."""
         self.bodies: list[int] = []
-        self.names: dict[str, int] = {}
-        """Index of every link by its name; a joint has the index of its child link."""
-        self.joint_names: dict[str, int] = {}
-        for (x, y, z, yaw), q in zip(base, start, strict=True):
+        self.links: list[dict[str, int]] = []
+        """Index of every link of each arm by its name; a joint has the index of its child link."""
+        self._fingers: list[list[int]] = []
+        for spec, (x, y, z, yaw), q in zip(team.specs, base, start, strict=True):
             body = client.load_urdf(
                 spec.description,
                 basePosition=(float(x), float(y), float(z)),
@@ -99,16 +96,15 @@ class Arms:
                 useFixedBase=True,
                 flags=client.URDF_USE_INERTIA_FROM_FILE,
             )
-            for joint in self._joints:
+            for joint in range(spec.n_joints):
                 client.resetJointState(body, joint, float(q[joint]))
+            infos = [client.getJointInfo(body, joint) for joint in range(client.getNumJoints(body))]
+            number = {info[1].decode(): joint for joint, info in enumerate(infos)}
             self.bodies.append(body)
-        if self.bodies:
-            for joint in range(client.getNumJoints(self.bodies[0])):
-                info = client.getJointInfo(self.bodies[0], joint)
-                self.joint_names[info[1].decode()] = joint
-                self.names[info[12].decode()] = joint
+            self.links.append({info[12].decode(): link for link, info in enumerate(infos)})
+            self._fingers.append([number[name] for name in spec.tool.finger_joints])
         n = len(self.bodies)
-        self.q = np.array(start, dtype=np.float64).reshape(n, spec.n_joints)
+        self.q = np.array(start, dtype=np.float64).reshape(n, team.width)
         self.qd = np.zeros_like(self.q)
         self._targets = _Targets(
             q=np.full_like(self.q, np.nan),
@@ -168,15 +164,16 @@ class Arms:
             else:
                 qd = targets.qd[arm] - targets.acceleration[arm] * (left - step_s / 2)
                 q = targets.q[arm] - targets.qd[arm] * left + targets.acceleration[arm] * (left * left / 2)
+            joints = self._joints[arm]
             client.setJointMotorControlArray(
                 self.bodies[arm],
-                self._joints,
+                joints,
                 client.POSITION_CONTROL,
-                targetPositions=q.tolist(),
-                targetVelocities=qd.tolist(),
-                forces=self._forces,
-                positionGains=self._gains,
-                velocityGains=self._unit,
+                targetPositions=q[: len(joints)].tolist(),
+                targetVelocities=qd[: len(joints)].tolist(),
+                forces=self._forces[arm],
+                positionGains=self._gains[arm],
+                velocityGains=self._unit[arm],
             )
 
     def _on_cubic(self, arm: int, substep: int) -> tuple[FloatArray, FloatArray]:
@@ -195,33 +192,38 @@ class Arms:
         client, targets = self._client, self._targets
         _speeds(targets, self._active, self.q, self._steps.length_s, self._turns)
         for arm in self._active.tolist():
+            joints = self._joints[arm]
             client.setJointMotorControlArray(
                 self.bodies[arm],
-                self._joints,
+                joints,
                 client.POSITION_CONTROL,
-                targetPositions=targets.q[arm].tolist(),
-                targetVelocities=self._turns[arm].tolist(),
-                forces=self._forces,
-                positionGains=self._gains if targets.held[arm] else self._loose,
-                velocityGains=self._unit,
+                targetPositions=targets.q[arm, : len(joints)].tolist(),
+                targetVelocities=self._turns[arm, : len(joints)].tolist(),
+                forces=self._forces[arm],
+                positionGains=(self._gains if targets.held[arm] else self._loose)[arm],
+                velocityGains=self._unit[arm],
             )
 
     def read(self) -> None:
         """Fetch joint positions and velocities from the engine: something may have hit an arm that rests, too."""
-        states, joints = self._client.getJointStates, self._joints
-        for arm, body in enumerate(self.bodies):
+        states = self._client.getJointStates
+        for arm, (body, joints) in enumerate(zip(self.bodies, self._joints, strict=True)):
             told = states(body, joints)
-            self.q[arm] = [state[0] for state in told]
-            self.qd[arm] = [state[1] for state in told]
+            self.q[arm, : len(joints)] = [state[0] for state in told]
+            self.qd[arm, : len(joints)] = [state[1] for state in told]
 
     def state(self) -> list[float]:
         """All joint positions and velocities of the arms, fingers included, one after the other."""
-        joints = self._all_joints()
-        return [x for body in self.bodies for s in self._client.getJointStates(body, joints) for x in s[:2]]
+        return [
+            x
+            for body, joints in zip(self.bodies, self._all_joints(), strict=True)
+            for s in self._client.getJointStates(body, joints)
+            for x in s[:2]
+        ]
 
     def place(self, state: list[float]) -> None:
         """Set what `state` gives."""
-        joints = [(body, joint) for body in self.bodies for joint in self._all_joints()]
+        joints = [(body, j) for body, own in zip(self.bodies, self._all_joints(), strict=True) for j in own]
         for k, (body, joint) in enumerate(joints):
             self._client.resetJointState(body, joint, state[2 * k], state[2 * k + 1])
 
@@ -231,9 +233,9 @@ class Arms:
         Args:
             q: Joint positions [rad], shape (m, n_joints).
         """
-        for body, positions in zip(self.bodies, q.tolist(), strict=True):
-            for joint, position in zip(self._joints, positions, strict=True):
-                self._client.resetJointState(body, joint, position, 0.0)
+        for body, joints, positions in zip(self.bodies, self._joints, q.tolist(), strict=True):
+            for joint in joints:
+                self._client.resetJointState(body, joint, positions[joint], 0.0)
         self.recall(np.array([np.zeros_like(q), q, np.zeros_like(q), q]))
 
     def memory(self) -> FloatArray:
@@ -249,10 +251,9 @@ class Arms:
         self._targets.held[:] = not self._steps.at_once
         self._targets.q[:] = np.inf  # no target equals it, so every arm counts as moving
 
-    def _all_joints(self) -> list[int]:
-        if not self.bodies:
-            return []
-        return self._joints + [self.joint_names[name] for name in self.tool.finger_joints]
+    def _all_joints(self) -> list[list[int]]:
+        """Of each arm, fingers last."""
+        return [own + fingers for own, fingers in zip(self._joints, self._fingers, strict=True)]
 
 
 @njit(cache=True)

@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 
 from fleet.arrays import BoolArray, FloatArray, IntArray
-from fleet.robots.tools import Tool
+from fleet.robots.arms.spec import ArmSpec
 from fleet.world.scene import Scene
 
 
@@ -27,12 +27,12 @@ class ArmShapes(NamedTuple):
 
     base: FloatArray
     """Base poses x, y, z, yaw, shape (m, 4)."""
-    base_from_joint: FloatArray
-    """Fixed transforms before each joint, shape (j, 4, 4)."""
-    tool_length: float
-    """From the last joint frame to the tip [m]."""
+    joints: FloatArray
+    """Fixed transforms before each joint, shape (m, j, 3, 4)."""
+    tool_length: FloatArray
+    """From the last joint frame to the tip [m], shape (m,)."""
     radii: FloatArray
-    """Radius at each joint and of the tool [m], shape (j + 1,)."""
+    """Radius at each joint and of the tool [m], shape (m, j + 1)."""
 
 
 class Moment(NamedTuple):
@@ -68,17 +68,16 @@ class Clearance:
 
     Args:
         scene: Robots and where arms stand.
-        tool: What the arms hold.
     """
 
-    def __init__(self, scene: Scene, tool: Tool) -> None:
-        car, arm = scene.car, scene.arm
+    def __init__(self, scene: Scene) -> None:
+        car, team = scene.car, scene.arms
         self._car = CarShape(front=car.front_m, rear=car.rear_m, half_width=car.half_width_m, height=car.height_m)
         self._arms = ArmShapes(
             base=scene.arm_base,
-            base_from_joint=arm.base_from_joint,
-            tool_length=arm.tool_length_m,
-            radii=np.array([*arm.outline.link_radii_m, tool.half_width_m]),
+            joints=team.joints,
+            tool_length=team.tool_length_m,
+            radii=np.array([_radii(spec, team.width) for spec in team.specs]).reshape(-1, team.width + 1),
         )
         self.smallest_m = math.inf
         self.near_arms = np.zeros(len(scene.arm_base), dtype=np.bool_)
@@ -103,6 +102,12 @@ class Clearance:
             self._room = _room(2 * max(n_cars, 32), 2 * max(n_boxes, 128), self.near_arms)
         self.smallest_m = smallest
         return room.cars[:n_cars], room.boxes[:n_boxes]
+
+
+def _radii(spec: ArmSpec, width: int) -> list[float]:
+    """Radius at each joint of a row, and of the tool [m]; joints that are not there lie in the last link."""
+    links = spec.outline.link_radii_m
+    return [*links, *[links[-1]] * (width - len(links)), spec.tool.half_width_m]
 
 
 def _room(n_cars: int, n_boxes: int, near_arms: BoolArray) -> Near:
@@ -242,26 +247,26 @@ def arm_gap(
     Returns:
         Smallest distance, at most `best`, not below 0 [m].
     """
-    base, base_from_joint, tool_length, radii = arms
+    base, joints, tool_length, radii = arms
     _, q, held, serving = now
     m, n_joints = q.shape
     n_points = 2 * n_joints + 4
     points = np.empty((n_points, 4))
-    reach = tool_length
-    for j in range(n_joints):
-        t = base_from_joint[j]
-        reach += math.sqrt(t[0, 3] ** 2 + t[1, 3] ** 2 + t[2, 3] ** 2)
     for arm in range(m):
+        reach = tool_length[arm]
+        for j in range(n_joints):
+            t = joints[arm, j]
+            reach += math.sqrt(t[0, 3] ** 2 + t[1, 3] ** 2 + t[2, 3] ** 2)
         bare = True
         near[arm] = False
         for car in range(len(bodies)):
             gap = math.hypot(bodies[car, 0] - base[arm, 0], bodies[car, 1] - base[arm, 1])
-            gap -= reach + math.hypot(bodies[car, 3], bodies[car, 4]) + max(held[arm, 3], radii[0])
+            gap -= reach + math.hypot(bodies[car, 3], bodies[car, 4]) + max(held[arm, 3], radii[arm, 0])
             near[arm] = near[arm] or gap <= margin
             if car == serving[arm] or gap > best:
                 continue
             if bare:
-                _chain(base[arm], base_from_joint, q[arm], tool_length, radii, points)
+                _chain(base[arm], joints[arm], q[arm], tool_length[arm], radii[arm], points)
                 for k in range(4):
                     points[n_points - 1, k] = held[arm, k]
                 bare = False
@@ -282,7 +287,7 @@ def arm_gap(
 @njit(cache=True)
 def _chain(
     base: FloatArray,
-    base_from_joint: FloatArray,
+    joints: FloatArray,
     q: FloatArray,
     tool_length: float,
     radii: FloatArray,
@@ -299,7 +304,7 @@ def _chain(
     for r in range(3):
         pose[r, 3] = base[r]
     for j in range(n_joints):
-        t = base_from_joint[j]
+        t = joints[j]
         c, s = math.cos(q[j]), math.sin(q[j])
         for r in range(3):
             for k in range(4):

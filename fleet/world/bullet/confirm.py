@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fleet.arrays import FloatArray, IntArray
-from fleet.robots.spec import ArmSpec
-from fleet.robots.tools import Tool
+from fleet.robots.arms.spec import ArmSpec
 from fleet.world.bullet.bench.arm_file import ArmFile, load, rigid_parts
 from fleet.world.bullet.engine.client import Client, PhysicsError
 from fleet.world.bullet.engine.frames import quaternion
@@ -93,12 +92,11 @@ class PathConfirmer:
         self._held_corners: FloatArray = np.empty((0, 3))
 
     @classmethod
-    def of_spec(cls, spec: ArmSpec, tool: Tool) -> PathConfirmer:
-        """For an arm with a tool; fingers stand open.
+    def of_spec(cls, spec: ArmSpec) -> PathConfirmer:
+        """For an arm with its tool; fingers stand open.
 
         Args:
             spec: Arm model; the engine loads its description.
-            tool: What the arm holds.
 
         Raises:
             PhysicsError: The engine refuses the description, or it has fewer joints than the model.
@@ -107,6 +105,7 @@ class PathConfirmer:
         try:
             body = client.load_urdf(spec.description, useFixedBase=True, flags=client.URDF_USE_SELF_COLLISION)
             infos = [client.getJointInfo(body, joint) for joint in range(client.getNumJoints(body))]
+            tool = spec.tool
             fingers = [info[0] for info in infos if info[1].decode() in tool.finger_joints]
             movable = [info[0] for info in infos if info[2] in (_REVOLUTE, _PRISMATIC) and info[0] not in fingers]
             if len(movable) < spec.n_joints:
@@ -142,20 +141,19 @@ class PathConfirmer:
             client.close()
             raise
 
-    def set_neighbour(self, spec: ArmSpec, tool: Tool, place_m: FloatArray) -> None:
+    def set_neighbour(self, spec: ArmSpec, place_m: FloatArray) -> None:
         """Put an arm of the same model beside this one.
 
         Args:
             spec: The model with its tool.
-            tool: What it holds.
             place_m: Its base in this arm's base frame, shape (3,).
         """
         client = self._client
         place = checks.vector("set_neighbour: place", place_m, 3)
         self._neighbour = client.load_urdf(spec.description, basePosition=place.tolist(), useFixedBase=True)
         for link in range(client.getNumJoints(self._neighbour)):
-            if client.getJointInfo(self._neighbour, link)[1].decode() in tool.finger_joints:
-                client.resetJointState(self._neighbour, link, tool.finger_travel_m)
+            if client.getJointInfo(self._neighbour, link)[1].decode() in spec.tool.finger_joints:
+                client.resetJointState(self._neighbour, link, spec.tool.finger_travel_m)
 
     def set_boxes(
         self,

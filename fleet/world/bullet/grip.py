@@ -82,12 +82,12 @@ class SuctionGrip:
         client: Connection.
         arms: The arms.
         parcels: The parcels.
-        most_force_n: Most force a cup holds [N].
+        most_force_n: Most force each arm's cup holds [N].
         limit_share: Part of their limits that constraints are given; see `BulletConfig`.
     """
 
     def __init__(
-        self, client: Client, arms: Arms, parcels: Parcels, most_force_n: float, *, limit_share: float = 1.0
+        self, client: Client, arms: Arms, parcels: Parcels, most_force_n: list[float], *, limit_share: float = 1.0
     ) -> None:
         self._client = client
         self._arms = arms
@@ -101,7 +101,7 @@ class SuctionGrip:
         self._overload = [0] * n
         self._dropped = [False] * n
         self.loss = [""] * n
-        self._cup = arms.names.get("cup", -1)
+        self._cups = [links.get("cup", -1) for links in arms.links]
 
     def command(self, grip: BoolArray) -> None:
         """Stick and let go as told."""
@@ -163,12 +163,12 @@ class SuctionGrip:
         self._limit, self._overload, self._dropped, self.loss = list(limit), list(overload), list(dropped), list(loss)
 
     def _link(self, arm: int) -> Any:
-        return self._client.getLinkState(self._arms.bodies[arm], self._cup, computeForwardKinematics=1)
+        return self._client.getLinkState(self._arms.bodies[arm], self._cups[arm], computeForwardKinematics=1)
 
     def _try(self, arm: int) -> None:
         """Stick to the nearest parcel within reach, if any."""
         state = self._link(arm)
-        flange, length_m = state[4], self._arms.tool.length_m
+        flange, length_m = state[4], self._arms.tools[arm].length_m
         # Nearly always all parcels are far away, which one looks at first.
         near = []
         for parcel in self._parcels.ids():
@@ -194,17 +194,17 @@ class SuctionGrip:
 
     def _stick(self, arm: int, parcel: int) -> None:
         client, body, box = self._client, self._arms.bodies[arm], self._parcels.body(parcel)
-        state = self._link(arm)
+        cup, state = self._cups[arm], self._link(arm)
         place, quat = client.getBasePositionAndOrientation(box)
         back = client.invertTransform(state[0], state[1])
         at, turn = client.multiplyTransforms(back[0], back[1], place, quat)
         constraint = client.createConstraint(
-            body, self._cup, box, -1, client.JOINT_FIXED, (0, 0, 0), at, (0, 0, 0), turn, (0, 0, 0, 1)
+            body, cup, box, -1, client.JOINT_FIXED, (0, 0, 0), at, (0, 0, 0), turn, (0, 0, 0, 1)
         )
         weight = self._parcels.shapes[parcel].mass_kg * _GRAVITY_MPS2
-        self._limit[arm] = min(self._most_force_n, max(_LEAST_FORCE_N, _WEIGHTS * weight))
+        self._limit[arm] = min(self._most_force_n[arm], max(_LEAST_FORCE_N, _WEIGHTS * weight))
         client.changeConstraint(constraint, maxForce=self._margin * self._limit[arm])
-        client.setCollisionFilterPair(body, box, self._cup, -1, 0)
+        client.setCollisionFilterPair(body, box, cup, -1, 0)
         self.held[arm], self._constraint[arm], self._overload[arm] = parcel, constraint, 0
         self.loss[arm] = ""
 
@@ -215,7 +215,7 @@ class SuctionGrip:
     def _let_go(self, arm: int) -> None:
         self._client.removeConstraint(self._constraint[arm])
         box = self._parcels.body(self.held[arm])
-        self._client.setCollisionFilterPair(self._arms.bodies[arm], box, self._cup, -1, 1)
+        self._client.setCollisionFilterPair(self._arms.bodies[arm], box, self._cups[arm], -1, 1)
         self.held[arm], self._constraint[arm] = -1, -1
 
 
@@ -239,28 +239,30 @@ class FrictionGrip:
     Args:
         client: Connection.
         arms: The arms.
-        force_n: Force limit of the leading finger [N].
+        force_n: Force limit of each arm's leading finger [N].
         touched: Parcels that each arm's links touch: ``touched[arm][link]`` is a set of parcel ids, kept by the caller.
     """
 
     def __init__(
-        self, client: Client, arms: Arms, parcels: Parcels, force_n: float, touched: list[dict[int, set[int]]]
+        self, client: Client, arms: Arms, parcels: Parcels, force_n: list[float], touched: list[dict[int, set[int]]]
     ) -> None:
         self._client = client
         self._arms = arms
         self._parcels = parcels
         self._force_n = force_n
         self._touched = touched
-        self._fingers = [arms.names[name] for name in arms.tool.touch_links] if arms.bodies else []
+        self._fingers = [
+            [links[name] for name in tool.touch_links] for links, tool in zip(arms.links, arms.tools, strict=True)
+        ]
         n = len(arms.bodies)
         self.held = [-1] * n
         self._closed: list[bool | None] = [None] * n
         self._steady = [0] * n
         self._failed = [False] * n
         self.loss = [""] * n
-        for body in arms.bodies:
-            for finger in self._fingers:
-                client.resetJointState(body, finger, arms.tool.finger_travel_m)
+        for body, tool, fingers in zip(arms.bodies, arms.tools, self._fingers, strict=True):
+            for finger in fingers:
+                client.resetJointState(body, finger, tool.finger_travel_m)
                 # Friction alone only stops velocities, step by step, and lets a parcel creep out at 4 mm/s; an anchor
                 # also takes back the way.
                 client.changeDynamics(body, finger, frictionAnchor=1)
@@ -275,29 +277,29 @@ class FrictionGrip:
             self._closed[arm] = on
             if not on and self.held[arm] >= 0:
                 self._renew_contacts(arm, self.held[arm])
-            target = 0.0 if on else self._arms.tool.finger_travel_m
-            for finger in self._fingers:
+            target = 0.0 if on else self._arms.tools[arm].finger_travel_m
+            for finger in self._fingers[arm]:
                 self._move(arm, finger, target)
 
     def before_step(self) -> None:
         """Let the second finger of each closed hand follow the first."""
         for arm, closed in enumerate(self._closed):
             if closed:
-                lead, follow = self._fingers
+                lead, follow = self._fingers[arm]
                 body = self._arms.bodies[arm]
                 self._client.setJointMotorControl2(
                     body,
                     follow,
                     self._client.POSITION_CONTROL,
                     self._client.getJointState(body, lead)[0],
-                    force=_MIMIC_FORCE * self._force_n,
+                    force=_MIMIC_FORCE * self._force_n[arm],
                     positionGain=_MIMIC_GAIN,
                 )
 
     def after_step(self) -> None:
         """See what is between the fingers."""
         for arm, links in enumerate(self._touched):
-            left, right = (links.get(finger, set()) for finger in self._fingers)
+            left, right = (links.get(finger, set()) for finger in self._fingers[arm])
             both = left & right if self._closed[arm] else set()
             if self.held[arm] in both:
                 self._steady[arm] = _LOST_STEPS
@@ -306,7 +308,7 @@ class FrictionGrip:
                 self._steady[arm] -= 1
                 if self._steady[arm] == 0:
                     self.held[arm] = -1
-                    self.loss[arm] = f"it slipped from the fingers, which press with {self._force_n:g} N"
+                    self.loss[arm] = f"it slipped from the fingers, which press with {self._force_n[arm]:g} N"
             else:
                 self._steady[arm] = self._steady[arm] + 1 if both else 0
                 self.held[arm] = min(both) if self._steady[arm] >= _FIRM_STEPS else -1
@@ -339,7 +341,7 @@ class FrictionGrip:
         the pad, and then hold an opening finger to the parcel.
         """
         body, box = self._arms.bodies[arm], self._parcels.body(parcel)
-        for finger in self._fingers:
+        for finger in self._fingers[arm]:
             self._client.setCollisionFilterPair(body, box, finger, -1, 0)
             self._client.setCollisionFilterPair(body, box, finger, -1, 1)
 
@@ -349,7 +351,7 @@ class FrictionGrip:
             finger,
             self._client.POSITION_CONTROL,
             target,
-            force=self._force_n,
+            force=self._force_n[arm],
             maxVelocity=_CLOSING_MPS,
         )
 
@@ -360,11 +362,12 @@ def make_grip(
     arms: Arms,
     parcels: Parcels,
     *,
-    force_n: float,
+    force_n: float | None,
     touched: list[dict[int, set[int]]],
     limit_share: float = 1.0,
 ) -> GripDevice:
-    """Make the grip of a kind; see `SuctionGrip` and `FrictionGrip`."""
+    """Make the grip of a kind, with the tools' own forces where none is given; see `SuctionGrip` and `FrictionGrip`."""
+    force_of_arm = [force_n or tool.force_n for tool in arms.tools]
     if kind is Grip.FRICTION:
-        return FrictionGrip(client, arms, parcels, force_n, touched)
-    return SuctionGrip(client, arms, parcels, force_n, limit_share=limit_share)
+        return FrictionGrip(client, arms, parcels, force_of_arm, touched)
+    return SuctionGrip(client, arms, parcels, force_of_arm, limit_share=limit_share)

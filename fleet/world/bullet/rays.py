@@ -31,9 +31,9 @@ class _Arms(NamedTuple):
     bases: FloatArray
     """Poses x, y, z, yaw, shape (m, 4)."""
     joints: FloatArray
-    """Fixed transforms before each joint, shape (n, 3, 4)."""
+    """Fixed transforms before each joint, shape (m, n, 3, 4)."""
     links: FloatArray
-    """Centre in the link's frame and radius, shape (n + 1, 4)."""
+    """Centre in the link's frame and radius, shape (m, n + 1, 4); points for links that are not there."""
 
 
 class _Cars(NamedTuple):
@@ -52,7 +52,7 @@ class Rays:
 
     Args:
         client: Connection.
-        scene: Model of the arms, and where they stand.
+        scene: Models of the arms, and where they stand.
         arms: The arms, at the scene's start.
     """
 
@@ -60,12 +60,16 @@ class Rays:
         self._client = client
         self._body = body_boxes()
         self._reach_m = float(np.linalg.norm(np.abs(self._body).max(axis=(0, 1))))
-        joints = scene.arm.joints
         bases = np.array(scene.arm_base, dtype=np.float64).reshape(-1, 4)
-        links = np.zeros((0, 4))
-        if arms:
-            links = _link_balls(client, joints, arms[0], bases[0], scene.arm_start[0])
-        self._arms = _Arms(bases=bases, joints=joints, links=links)
+        team = scene.arms
+        links = np.zeros((len(arms), team.width + 1, 4))
+        known: dict[str, FloatArray] = {}
+        for arm, (body, spec) in enumerate(zip(arms, team.specs, strict=True)):
+            if spec.name not in known:
+                start = scene.arm_start[arm, : spec.n_joints]
+                known[spec.name] = _link_balls(client, spec.joints, body, bases[arm], start)
+            links[arm, : spec.n_joints + 1] = known[spec.name]
+        self._arms = _Arms(bases=bases, joints=team.joints, links=links)
 
     def cast(
         self,
@@ -91,7 +95,7 @@ class Rays:
             Hit fractions in [0, 1], 1 = nothing met, shape (r,).
         """
         fractions, unsure = np.empty(len(origins)), np.empty(len(origins), dtype=np.int64)
-        balls = np.empty((len(arms) * len(self._arms.links) + len(parcels), 4))
+        balls = np.empty((len(arms) * self._arms.links.shape[1] + len(parcels), 4))
         _place_balls(self._arms, arms, parcels, balls)
         bodies = _Cars(frames=cars, body=self._body, reach=self._reach_m)
         n = _cast(origins, ends, boxes, bodies, balls, fractions, unsure)
@@ -139,20 +143,20 @@ def _way_m(client: Client, body: int, joint: int) -> float:
 def _place_balls(arms: _Arms, q: FloatArray, parcels: FloatArray, balls: FloatArray) -> None:
     """Fill in the balls round all links of all arms, and behind them those round parcels, in the world."""
     bases, joints, links = arms
-    frames = np.empty((len(joints) + 1, 3, 4))
+    frames = np.empty((joints.shape[1] + 1, 3, 4))
     point, row = np.empty(3), 0
     for arm in range(len(q)):
-        link_frames_into(joints, q[arm], frames)
+        link_frames_into(joints[arm], q[arm], frames)
         cos, sin = math.cos(bases[arm, 3]), math.sin(bases[arm, 3])
-        for link in range(len(links)):
+        for link in range(links.shape[1]):
             for a in range(3):
                 point[a] = frames[link, a, 3]
                 for b in range(3):
-                    point[a] += frames[link, a, b] * links[link, b]
+                    point[a] += frames[link, a, b] * links[arm, link, b]
             balls[row, 0] = bases[arm, 0] + cos * point[0] - sin * point[1]
             balls[row, 1] = bases[arm, 1] + sin * point[0] + cos * point[1]
             balls[row, 2] = bases[arm, 2] + point[2]
-            balls[row, 3] = links[link, 3]
+            balls[row, 3] = links[arm, link, 3]
             row += 1
     balls[row:] = parcels
 

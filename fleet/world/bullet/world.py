@@ -13,7 +13,6 @@ from fleet.arrays import BoolArray, FloatArray, IntArray
 from fleet.config import Connect, Grip
 from fleet.errors import ConfigError
 from fleet.robots import CARS
-from fleet.robots.tools import TOOLS
 from fleet.sensors.camera import Camera, CameraImage
 from fleet.world.bullet.arms import Arms, MotorSteps
 from fleet.world.bullet.camera import render
@@ -85,11 +84,9 @@ class BulletWorld:
 
     def __init__(self, scene: Scene, config: BulletConfig | None = None) -> None:
         config = config or BulletConfig()
-        tool = TOOLS[config.grip.value]
-        if abs(tool.length_m - scene.arm.tool_length_m) > 1e-9:
-            raise ConfigError(
-                f"scene.arm.tool_length_m is {scene.arm.tool_length_m!r}; valid: {tool.length_m} for grip {tool.name!r}"
-            )
+        for spec in scene.arms.models:
+            if spec.tool.name != config.grip:
+                raise ConfigError(f"scene.arms: {spec.name} holds the tool {spec.tool.name!r}; valid: {config.grip}")
         self.tick_s = config.tick_s
         self.n_cars = len(scene.car_start)
         self.n_arms = len(scene.arm_base)
@@ -126,10 +123,9 @@ class BulletWorld:
                 )
                 self._arms = Arms(
                     client,
-                    scene.arm,
+                    scene.arms,
                     scene.arm_base,
                     scene.arm_start,
-                    tool,
                     MotorSteps(
                         n=config.n_calls,
                         length_s=call_s,
@@ -141,8 +137,8 @@ class BulletWorld:
                 self._parcels = Parcels(client, anchored=config.grip is Grip.FRICTION)
                 self._monitor = ContactMonitor(client, scene.car, self._cars.bodies, self._arms.bodies, call_s)
                 self._monitor.floor = floor = self._fixed.floor
-                for body in self._arms.bodies:
-                    for link in range(-1, scene.arm.outline.n_standing_links):
+                for body, spec in zip(self._arms.bodies, scene.arms.specs, strict=True):
+                    for link in range(-1, spec.outline.n_standing_links):
                         client.setCollisionFilterPair(body, floor, link, -1, 0)
                 self._monitor.pedestals, self._monitor.fixed = self._fixed.stand()
                 self._grip = make_grip(
@@ -150,7 +146,7 @@ class BulletWorld:
                     client,
                     self._arms,
                     self._parcels,
-                    force_n=config.grip_force_n or tool.force_n,
+                    force_n=config.grip_force_n,
                     touched=self._monitor.touched,
                     limit_share=config.limit_share,
                 )
@@ -162,7 +158,7 @@ class BulletWorld:
         self._ghosts = Ghosts(client, scene.car)
         self._n_car_changes = 0
         self._arm_links = [(arm, link) for arm in self._arms.bodies for link in range(-1, client.getNumJoints(arm))]
-        self._clearance = Clearance(scene, tool)
+        self._clearance = Clearance(scene)
         self._empty = np.full((self.n_arms, 4), -1.0)
         self._rays = Rays(client, scene, self._arms.bodies)
         self._touch_tells = config.grip is Grip.FRICTION

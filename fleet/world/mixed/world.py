@@ -91,7 +91,7 @@ class MixedWorld:
         self.n_cars = len(scene.car_start)
         self.n_arms = len(scene.arm_base)
         self._cars = BicycleCars(scene.car, scene.car_start, config.tick_s, config.car_substep_s)
-        self._arms = ServoArms(scene.arm, scene.arm_base, scene.arm_start, config.tick_s)
+        self._arms = ServoArms(scene.arms, scene.arm_base, scene.arm_start, config.tick_s)
         self._surroundings = Surroundings(scene, self._arms)
         self._regions: list[Region] = []
         try:

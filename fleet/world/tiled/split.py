@@ -102,6 +102,7 @@ def tile_scene(scene: Scene, split: Split, tile: int, cars: list[int], near_m: f
         scene,
         boxes=tuple(boxes),
         car_start=np.asarray(scene.car_start, dtype=np.float64).reshape(-1, 3)[cars],
+        arms=scene.arms.part(arms),
         arm_base=scene.arm_base[arms],
         arm_start=scene.arm_start[arms],
     )

@@ -58,7 +58,7 @@ class TiledWorld:
         self._split = split_floor(scene, config)
         self._bounds = [self._split.bounds(tile) for tile in range(self._split.n_tiles)]
         self._middle_m = (scene.car.front_m - scene.car.rear_m) / 2
-        joints = np.asarray(scene.arm_start, dtype=np.float64).reshape(self.n_arms, scene.arm.n_joints)
+        joints = np.asarray(scene.arm_start, dtype=np.float64).reshape(self.n_arms, scene.arms.width)
         self._board = board = TileBoard((self.n_cars, self.n_arms, joints.shape[1], self._split.n_tiles))
         board.poses[:] = np.asarray(scene.car_start, dtype=np.float64).reshape(-1, 3)
         board.q[:], board.held[:] = joints, -1

@@ -8,12 +8,12 @@ import pytest
 from benchmarks.training.slack import BEFORE, BELOW, LIMITS, STANDS, STEPS, Slack, doing, step_of, strain, watch
 from fleet.envs import warehouse_v1
 from fleet.envs.policies.warehouse import Classical
-from fleet.robots.iiwa import iiwa_spec
+from fleet.robots import ARMS
 from fleet.stations.arms.arm_controller import ArmController
 from fleet.stations.arms.transfer import Signal, Transfer
 from planners.motion.path.trajectory import retime
 
-ARM = iiwa_spec()
+ARM = ARMS["iiwa"].spec()
 PATH = np.array([np.zeros(7), np.full(7, 0.8)])
 
 

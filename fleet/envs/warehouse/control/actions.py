@@ -13,7 +13,7 @@ from numba import njit
 from fleet.arrays import FloatArray
 from fleet.envs.core.choices import row_of
 from fleet.envs.warehouse.control.hands import N_TIP
-from fleet.robots.iiwa import N_JOINTS
+from fleet.envs.warehouse.rows import N_JOINTS
 
 Bools = npt.NDArray[np.bool_]
 

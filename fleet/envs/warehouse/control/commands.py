@@ -11,13 +11,20 @@ from numba import njit
 
 from fleet.arrays import FloatArray
 from fleet.envs.warehouse.control.actions import LegalActions
-from fleet.envs.warehouse.control.hands import N_TIP, HandModel, hand_model, lead_tips, move_targets, shares_of
+from fleet.envs.warehouse.control.hands import (
+    N_TIP,
+    HandModel,
+    agents_arm,
+    hand_model,
+    lead_tips,
+    move_targets,
+    shares_of,
+)
 from fleet.envs.warehouse.control.latch import Latches
 from fleet.envs.warehouse.control.plans import Plans
 from fleet.envs.warehouse.control.pursuit import Wheel, pursue
-from fleet.envs.warehouse.rows import Rows
+from fleet.envs.warehouse.rows import N_JOINTS, Rows
 from fleet.envs.warehouse.run.agent_simulation import AgentSimulation
-from fleet.robots.iiwa import N_JOINTS
 from fleet.simulation import Actions
 
 RESIDUAL_RAD = 0.2
@@ -59,7 +66,8 @@ class Commands:
         self._model = model
         self.plans = plans
         """The classical plans, if arms add to them."""
-        self._hand: HandModel = hand_model(scene.arm)
+        self._arm = agents_arm(scene)
+        self._hand: HandModel = hand_model(self._arm)
         self._wheel = Wheel(
             diagonal_m=math.hypot(*scene.size_m),
             wheelbase_m=scene.car.wheelbase_m,
@@ -104,7 +112,7 @@ class Commands:
         if not len(self._targets):
             return Actions(cars=self._cars)
         simulation = self._simulation
-        world, arm, n_arms = simulation.world, simulation.scene.arm, len(self._targets)
+        world, arm, n_arms = simulation.world, self._arm, len(self._targets)
         if self.plans is not None:
             self.plans.ask(simulation)
             self.plans.tick(world.held())

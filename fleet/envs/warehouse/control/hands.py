@@ -9,7 +9,10 @@ import numpy as np
 from numba import njit
 
 from fleet.arrays import FloatArray
-from fleet.robots.spec import ArmSpec
+from fleet.config import require
+from fleet.envs.warehouse.rows import N_JOINTS
+from fleet.robots.arms.spec import ArmSpec
+from fleet.world.scene import Scene
 from planners.motion.arm.kinematics import jacobian_into, link_frames_into
 
 N_TIP = 4
@@ -38,6 +41,18 @@ class HandModel(NamedTuple):
     """Of the joints [rad/s], shape (n_joints,)."""
     upper: FloatArray
     """Upper limits of the joints [rad], shape (n_joints,); the lower ones are the same below zero."""
+
+
+def agents_arm(scene: Scene) -> ArmSpec:
+    """The model of the arms that agents move, which observations and actions have the form of.
+
+    Raises:
+        ConfigError: Arms differ, or do not turn as far one way as the other in `N_JOINTS` joints.
+    """
+    arm = scene.arms.only("arms of agents")
+    fits = arm.n_joints == N_JOINTS and bool(np.allclose(arm.lower_rad, -arm.upper_rad))
+    require(fits, "arms of agents", arm.name, f"arms of {N_JOINTS} joints with limits that are the same either way")
+    return arm
 
 
 def hand_model(arm: ArmSpec) -> HandModel:

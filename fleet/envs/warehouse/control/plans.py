@@ -28,9 +28,9 @@ class Plans:
     def __init__(self, simulation: AgentSimulation, planner: ArmPlanner) -> None:
         scene = simulation.scene
         self._asked: list[TransferRequest | None] = [None] * len(scene.arm_start)
-        self._manager = ArmManager(planner, ArmConfig(latency_s=0.0), scene.car, scene.arm_start, simulation.tick_s)
+        self._manager = ArmManager(planner, ArmConfig(latency_s=0.0), scene, simulation.tick_s)
         self._tick_s = simulation.tick_s
-        self._max_velocity = scene.arm.max_velocity_radps
+        self._max_velocity = scene.arms.max_velocity_radps
         self._paces = [1.0] * len(scene.arm_start)
         self._tick = 0
 
@@ -89,7 +89,7 @@ class Plans:
                 break
             first = max(int(np.searchsorted(motion.t, done_s, side="right")) - 1, 0)
             last = min(int(np.searchsorted(motion.t, done_s + self._tick_s * pace)), len(motion.t) - 1)
-            shares = (np.abs(motion.qd[first : last + 1]) / self._max_velocity).max(axis=1)
+            shares = (np.abs(motion.qd[first : last + 1]) / self._max_velocity[arm, : motion.qd.shape[1]]).max(axis=1)
             # Slow enough for a sample, or so slow that not even the one before it is passed.
             before = motion.t[np.maximum(np.arange(first, last + 1) - 1, first)]
             reached = (before - done_s) / self._tick_s
@@ -101,4 +101,4 @@ def planner_of(simulation: AgentSimulation) -> ArmPlanner:
     """The planner of a run's arms."""
     names = tuple(station.name for station in simulation.stations)
     cells = arm_cells(simulation.site, simulation.scene)
-    return make_arm_planner(cells, names, simulation.scene.arm, simulation.config)
+    return make_arm_planner(cells, names, simulation.scene.arms, simulation.config)

@@ -9,7 +9,7 @@ from numba import njit
 
 from fleet.arrays import FloatArray
 from fleet.envs.warehouse.control.hands import TIP_MPS, TIP_RADPS, HandModel, lead_tips
-from fleet.robots.spec import ArmSpec
+from fleet.robots.arms.spec import ArmSpec
 from planners.motion.arm.kinematics import link_frames_into
 
 _STEP_S, _STEPS, _GAIN_PER_S = 0.05, 300, 4.0

@@ -7,10 +7,10 @@ from collections.abc import Callable
 from fleet.arrays import FloatArray
 from fleet.config import ArmConfig
 from fleet.errors import FleetError
-from fleet.robots.spec import CarSpec
 from fleet.stations.arms.arm_controller import ArmController, ArmPhase
 from fleet.stations.arms.arm_manager import ArmManager, ArmPlanner
 from fleet.stations.arms.transfer import ArmRequest, Transfer, TransferRequest
+from fleet.world.scene import Scene
 
 REST_S = 0.5
 """A parcel that was let go has come to rest after this long; then its place is judged [s]."""
@@ -89,8 +89,7 @@ class AgentArmManager(ArmManager):
     Args:
         planner: Answers the requests for the other arms.
         config: Latency of an answer in simulated time.
-        car: Model of the cars that are served.
-        start_rad: Joint positions at the start, shape (n_arms, n_joints).
+        scene: See `ArmManager`.
         tick_s: Length of a tick [s].
         lost: See `ArmManager`.
         by_agent: Arms that agents move.
@@ -100,15 +99,14 @@ class AgentArmManager(ArmManager):
         self,
         planner: ArmPlanner,
         config: ArmConfig,
-        car: CarSpec,
-        start_rad: FloatArray,
+        scene: Scene,
         tick_s: float,
         *,
         lost: Callable[[int, int], str],
         by_agent: frozenset[int],
     ) -> None:
         self._by_agent = by_agent
-        super().__init__(planner, config, car, start_rad, tick_s, lost=lost)
+        super().__init__(planner, config, scene, tick_s, lost=lost)
 
     def submit(self, request: TransferRequest, tick: int) -> None:
         """See `ArmManager`."""

@@ -89,7 +89,7 @@ class AgentSimulation(Simulation):
         self, planner: ArmPlanner, setup: RunSetup, config: RunConfig, tick_s: float, lost: Lost
     ) -> AgentArmManager:
         scene, by_agent = setup.scene, frozenset(range(self.n_arms + self._agents.n_still_arms))
-        return AgentArmManager(planner, config.arms, scene.car, scene.arm_start, tick_s, lost=lost, by_agent=by_agent)
+        return AgentArmManager(planner, config.arms, scene, tick_s, lost=lost, by_agent=by_agent)
 
     def _driver(self, setup: RunSetup, world: World, config: RunConfig, rng: np.random.Generator) -> AgentDriver:
         agents = self._agents

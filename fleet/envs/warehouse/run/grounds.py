@@ -56,7 +56,7 @@ class Grounds:
             self._grounds[config.robots] = ground
             if self._plans and isinstance(self.planner, NoPlanner):
                 names = tuple(station.name for station in setup.site.stations)
-                self.planner = make_arm_planner(arm_cells(setup.site, setup.scene), names, setup.scene.arm, config)
+                self.planner = make_arm_planner(arm_cells(setup.site, setup.scene), names, setup.scene.arms, config)
         return self._grounds[config.robots]
 
     def has(self, ground: Ground) -> bool:

@@ -36,7 +36,7 @@ class ArmDrive:
     """The joints of one arm, commanded before each physics step.
 
     Viscous damping and dry friction of the joints belong to the drive: the engine's own damping is explicit and blows
-    up on light joints (the last joint of an iiwa has 0.001 kg m^2; with the file's 0.5 N m s/rad it is unstable at
+    up on light joints (a last joint may have 0.001 kg m^2; with the file's 0.5 N m s/rad it is unstable at
     1/240 s). Here it is taken at the end of the step, as in stable PD control (J. Tan, K. Liu and G. Turk, Stable
     proportional-derivative controllers, IEEE Computer Graphics and Applications 31(4), 2011). Dry friction is a joint
     motor that tries to stop the joint with at most the friction's torque, so that it holds as well as it slows. Both

@@ -10,7 +10,7 @@ import numpy as np
 from fleet.arrays import FloatArray
 from fleet.control import ControlError, JointLimits, gains_from_mass, pd_torque
 from fleet.control.joint_file import JointRecording
-from fleet.robots.arm_kinds import ARM_NAMES, arm_kind
+from fleet.robots.arms import ARMS
 from fleet.world.bullet.bench.arm_file import ArmFileError, read_arm
 from fleet.world.bullet.bench.bench import ArmBench
 
@@ -43,19 +43,22 @@ def open_bench(arm: str, cache_dir: Path | None = None) -> ArmBench:
     """A bench with a named arm, or with one from a file.
 
     Args:
-        arm: A name in `ARM_NAMES`, with the real arm's limits; or a path, with the file's.
+        arm: A name in `ARMS`, with the real arm's limits; or a path, with the file's.
         cache_dir: Directory for fitted collision spheres; None fits anew.
 
     Raises:
         ArmFileError: No such arm, or its file cannot be used.
     """
-    if arm in ARM_NAMES:
-        kind = arm_kind(arm)
-        file = read_arm(kind.path, frozen=kind.frozen, cache_dir=cache_dir)
-        velocity, torque, braking = kind.max_velocity_radps, kind.max_torque_nm, kind.max_acceleration_radps2
+    if arm in ARMS:
+        kind = ARMS[arm]
+        frozen = None if kind.hand is None else kind.hand.open_at
+        file = read_arm(kind.urdf, frozen=frozen, cache_dir=cache_dir)
+        velocity, torque, braking = (
+            np.array(limits) for limits in (kind.max_velocity_radps, kind.max_torque_nm, kind.max_acceleration_radps2)
+        )
     else:
         if not Path(arm).suffix:
-            raise ArmFileError(f"arm {arm!r}; valid: {', '.join(ARM_NAMES)}, or a .urdf, .sdf or .xml file")
+            raise ArmFileError(f"arm {arm!r}; valid: {', '.join(ARMS)}, or a .urdf, .sdf or .xml file")
         file = read_arm(Path(arm), cache_dir=cache_dir)
         velocity, torque = file.max_velocity_radps, file.max_torque_nm
         braking = np.full(len(velocity), BRAKING_RADPS2)

@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation
 
 from fleet.arrays import BoolArray, FloatArray
 from fleet.config import Connect, Grip
-from fleet.robots.spec import ArmSpec
-from fleet.robots.tools import Tool
+from fleet.robots.arms.spec import ArmSpec
+from fleet.robots.arms.team import ArmTeam
 from fleet.world.bullet.arms import Arms, MotorSteps
 from fleet.world.bullet.engine.client import Client, quiet
 from fleet.world.bullet.engine.frames import rotation
@@ -121,7 +121,6 @@ class TableWorld:
     Args:
         scene: What there is.
         spec: Model of the arms.
-        tool: What they hold.
         start: Joint positions of the arms [rad], shape (m, n).
         connect: DIRECT, or GUI for a window.
 
@@ -129,11 +128,10 @@ class TableWorld:
         PhysicsError: The engine cannot be reached, or refuses a description.
     """
 
-    def __init__(
-        self, scene: TableScene, spec: ArmSpec, tool: Tool, start: FloatArray, connect: Connect = Connect.DIRECT
-    ) -> None:
+    def __init__(self, scene: TableScene, spec: ArmSpec, start: FloatArray, connect: Connect = Connect.DIRECT) -> None:
         self._client = client = Client(connect)
         self.ticks = 0
+        tool = spec.tool
         try:
             client.setGravity(0.0, 0.0, -9.81)
             client.setPhysicsEngineParameter(
@@ -142,14 +140,15 @@ class TableWorld:
             with quiet():
                 self._fixed = [self._add_box(box.kind, box.centre_m, box.half_m) for box in scene.boxes]
                 steps = MotorSteps(n=N_SUBSTEPS, length_s=SUBSTEP_S)
-                self._arms = Arms(client, spec, scene.arm_base, start, tool, steps)
+                team = ArmTeam.alike(spec, len(scene.arm_base))
+                self._arms = Arms(client, team, scene.arm_base, start, steps)
                 self.objects = TableObjects(client)
                 for thing in scene.objects:
                     self.objects.put(thing)
-            for body in self._arms.bodies:
+            for body, links in zip(self._arms.bodies, self._arms.links, strict=True):
                 for name in tool.touch_links:
                     client.changeDynamics(
-                        body, self._arms.names[name], lateralFriction=_FINGER_FRICTION, spinningFriction=_SPINNING
+                        body, links[name], lateralFriction=_FINGER_FRICTION, spinningFriction=_SPINNING
                     )
             self._touched: list[dict[int, set[int]]] = [{} for _ in self._arms.bodies]
             self._grip = make_grip(
@@ -157,7 +156,7 @@ class TableWorld:
                 client,
                 self._arms,
                 self.objects,
-                force_n=tool.force_n,
+                force_n=None,
                 touched=self._touched,
             )
         except BaseException:

@@ -111,7 +111,7 @@ def test_a_car_that_is_in_a_wall_keeps_its_margin_to_other_cars(
 def test_the_foot_of_an_arm_is_kept_off(simulation: Simulation) -> None:
     """Who was pushed into the cells beside an arm may not go through its foot on the way out."""
     (foot_x, foot_y), car = simulation.scene.arm_base[0, :2], simulation.scene.car
-    reach = simulation.scene.arm.outline.foot_m + car.half_width_m
+    reach = simulation.scene.arms.specs[0].outline.foot_m + car.half_width_m
     x, y = float(foot_x), float(foot_y)
     room = room_of(simulation, (x, y + reach + 0.02, 0.0))
     assert room.touches

@@ -9,10 +9,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from fleet.insight.slip import SlipMeter
-from fleet.robots.iiwa import iiwa_spec
+from fleet.robots import ARMS, ArmTeam
 from planners.motion.arm.kinematics import link_frames
 
-SPEC = iiwa_spec()
+SPEC = ARMS["iiwa"].spec()
 BASE = np.array([[1.0, 2.0, 0.1, 0.7]])
 
 
@@ -28,7 +28,7 @@ def seen(q: np.ndarray, offset: tuple[float, float, float], turn_rad: float) -> 
 
 
 def test_a_carry_is_measured_from_grip_to_release():
-    meter = SlipMeter(SPEC, BASE)
+    meter = SlipMeter(ArmTeam.alike(SPEC, len(BASE)), BASE)
     rng = np.random.default_rng(4)
     # Grip, give by 3 mm, come back to 2 mm with a turn of 0.1 rad, release; then the same without any slip.
     for parcel, offsets, turn in ((7, (0.0, 0.003, 0.002), 0.1), (8, (0.0, 0.0, 0.0), 0.0)):

@@ -43,6 +43,7 @@ from fleet.missions.visit_queue import VisitQueue
 from fleet.missions.visit_routes import VisitRoutes
 from fleet.missions.visits import Visits
 from fleet.missions.ways import Ways
+from fleet.robots.arms.spec import UsualService
 from fleet.robots.battery import Batteries
 from fleet.robots.racecar import racecar_spec
 from fleet.stations.arms.arm_controller import ArmPhase
@@ -257,7 +258,8 @@ class Floor:
             [
                 Station(arm, place, self.graph.state_at(place.dock.cell, place.dock.heading))
                 for arm, place in enumerate(self.site.stations)
-            ]
+            ],
+            [UsualService(mean_s=7.0, p90_s=8.0)] * len(self.site.stations),
         )
         self.world: Any = FakeWorld(len(self.stations), self.n_cars)
         self.driver: Any = StandingDrivers(self.car_poses)

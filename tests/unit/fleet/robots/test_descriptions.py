@@ -7,7 +7,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from fleet.robots import TOOLS, iiwa_urdf, racecar_spec, racecar_urdf
+from fleet.robots import ARMS, TOOLS, racecar_spec, racecar_urdf
 from fleet.robots.description import fill
 from fleet.robots.racecar import HINGES
 from fleet.robots.spec import WHEELS
@@ -37,7 +37,7 @@ def test_an_unknown_wheel_shape_is_refused() -> None:
 
 @pytest.mark.parametrize("tool", TOOLS)
 def test_a_tool_is_fixed_to_the_last_link_of_the_arm(tool: str) -> None:
-    found = joints(iiwa_urdf(TOOLS[tool]))
+    found = joints(ARMS["iiwa"].text(TOOLS[tool]))
     mounts = [j for j in found.values() if j.find("parent").attrib["link"] == "lbr_iiwa_link_7"]  # type: ignore[union-attr]
     assert [mount.attrib["type"] for mount in mounts] == ["fixed"]
     assert set(TOOLS[tool].finger_joints) <= set(found)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fleet.robots.iiwa import iiwa_spec
+from fleet.robots import ARMS, ArmTeam
 from fleet.robots.racecar import racecar_spec
 from fleet.world.scene import Scene, StaticBox
 
@@ -13,7 +13,7 @@ from fleet.world.scene import Scene, StaticBox
 @pytest.fixture(scope="session")
 def hall() -> Scene:
     """Return a 10 x 6 m floor with a wall, a pedestal and one arm; two cars face east, 3 m apart in one row."""
-    arm = iiwa_spec()
+    arm = ARMS["iiwa"].spec()
     return Scene(
         size_m=(10.0, 6.0),
         boxes=(
@@ -23,7 +23,7 @@ def hall() -> Scene:
         ),
         car=racecar_spec(),
         car_start=np.array([[1.5, 1.5, 0.0], [4.5, 1.5, 0.0]]),
-        arm=arm,
+        arms=ArmTeam.alike(arm, 1),
         arm_base=np.array([[2.0, 4.5, 0.0, -np.pi / 2]]),
         arm_start=arm.home_rad[None].copy(),
     )

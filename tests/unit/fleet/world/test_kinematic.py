@@ -11,6 +11,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from fleet.errors import ConfigError, FleetError
+from fleet.robots import ArmTeam
 from fleet.world.arms import ServoArms
 from fleet.world.kinematic import BicycleCars, CommandError, KinematicConfig, KinematicWorld, SnapshotError
 from fleet.world.protocol import ParcelBody
@@ -103,25 +104,25 @@ def test_arms_obey_velocity_and_position_limits(hall: Scene) -> None:
     before = world.arm_positions()
     step(world, arm_q=np.full((1, 7), 100.0))
     moved = world.arm_positions() - before
-    assert moved[0] == pytest.approx(hall.arm.max_velocity_radps * 0.05)
-    assert world.arm_velocities()[0] == pytest.approx(hall.arm.max_velocity_radps)
+    assert moved[0] == pytest.approx(hall.arms.specs[0].max_velocity_radps * 0.05)
+    assert world.arm_velocities()[0] == pytest.approx(hall.arms.specs[0].max_velocity_radps)
     for _ in range(100):
         step(world, arm_q=np.full((1, 7), 100.0))
-    assert world.arm_positions()[0] == pytest.approx(hall.arm.upper_rad)
+    assert world.arm_positions()[0] == pytest.approx(hall.arms.specs[0].upper_rad)
     assert np.all(world.arm_velocities() == 0.0)
 
 
 def test_tool_tip_agrees_with_the_forward_kinematics_of_the_planners(hall: Scene) -> None:
     rng = np.random.default_rng(0)
-    arms = ServoArms(hall.arm, hall.arm_base, hall.arm_start, 0.05)
+    arms = ServoArms(hall.arms, hall.arm_base, hall.arm_start, 0.05)
     world_from_base = np.eye(4)
     world_from_base[:3, :3] = Rotation.from_euler("z", hall.arm_base[0, 3]).as_matrix()
     world_from_base[:3, 3] = hall.arm_base[0, :3]
-    for q in rng.uniform(hall.arm.lower_rad, hall.arm.upper_rad, (20, 7)):
+    for q in rng.uniform(hall.arms.specs[0].lower_rad, hall.arms.specs[0].upper_rad, (20, 7)):
         for _ in range(100):
             arms.step(q[None])
-        world_from_flange = world_from_base @ link_frames(hall.arm.base_from_joint, q)[-1]
-        tip = (world_from_flange @ [0, 0, hall.arm.tool_length_m, 1])[:3]
+        world_from_flange = world_from_base @ link_frames(hall.arms.specs[0].base_from_joint, q)[-1]
+        tip = (world_from_flange @ [0, 0, hall.arms.specs[0].tool_length_m, 1])[:3]
         assert arms.tips[0, :3] == pytest.approx(tip, abs=1e-9)
         assert Rotation.from_quat(arms.tips[0, 3:]).as_matrix() == pytest.approx(world_from_flange[:3, :3], abs=1e-9)
 
@@ -225,7 +226,8 @@ def test_arm_that_dips_into_a_passing_car_touches_it(hall: Scene) -> None:
 
 def test_arms_that_cross_touch_each_other(hall: Scene) -> None:
     base = np.array([[2.0, 4.5, 0.0, 0.0], [3.2, 4.5, 0.0, math.pi]])
-    scene = dataclasses.replace(hall, arm_base=base, arm_start=np.tile(hall.arm.home_rad, (2, 1)))
+    team = ArmTeam.alike(hall.arms.specs[0], 2)
+    scene = dataclasses.replace(hall, arms=team, arm_base=base, arm_start=team.home_rad)
     world = KinematicWorld(scene)
     step(world)
     assert world.contacts().robot == 0
@@ -257,7 +259,7 @@ def test_rays_agree_with_brute_force(hall: Scene) -> None:
             if inside.any() and not inside[0]:
                 first = min(first, float(fractions[np.argmax(inside)]))
         for x, y, *_ in hall.arm_base:
-            inside = np.hypot(points[:, 0] - x, points[:, 1] - y) < hall.arm.outline.foot_m
+            inside = np.hypot(points[:, 0] - x, points[:, 1] - y) < hall.arms.specs[0].outline.foot_m
             if inside.any() and not inside[0]:
                 first = min(first, float(fractions[np.argmax(inside)]))
         assert hit == pytest.approx(first, abs=2e-4)

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from fleet.arrays import FloatArray
 from fleet.config import Connect, Fidelity, Perception, RunConfig
 from fleet.errors import ConfigError
-from fleet.robots.iiwa import iiwa_spec
+from fleet.robots import ARMS, ArmTeam
 from fleet.sensors.camera import Camera
 from fleet.sensors.errors import SensorError
 from fleet.world.kinematic import CommandError, KinematicWorld, SnapshotError
@@ -47,7 +47,7 @@ def world(lane: Scene) -> Iterator[MixedWorld]:
 
 def step(world: MixedWorld, speeds: tuple[float, float] = (0.0, 0.0), q: FloatArray | None = None) -> None:
     """One tick straight ahead, with arms that stay."""
-    targets = iiwa_spec().home_rad[None] if q is None else q
+    targets = ARMS["iiwa"].spec().home_rad[None] if q is None else q
     commands = np.array([[0.0, speed] for speed in speeds])
     world.step(commands, targets, np.zeros_like(targets), np.zeros(1, dtype=np.bool_))
 
@@ -277,7 +277,8 @@ def test_all_can_be_placed_anew(world: MixedWorld, lane: Scene) -> None:
 def test_arms_of_one_dock_share_a_region_and_large_sites_have_no_more_than_they_may(hall: Scene) -> None:
     xs = [0.0, 1.2, 4.0, 6.0, 8.0]
     base = np.array([[x, 0.0, 0.0, 0.0] for x in xs])
-    scene = replace(hall, arm_base=base, arm_start=np.tile(hall.arm.home_rad, (len(xs), 1)))
+    team = ArmTeam.alike(hall.arms.specs[0], len(xs))
+    scene = replace(hall, arms=team, arm_base=base, arm_start=team.home_rad)
     assert regions_of(scene, MixedConfig()) == [[0, 1], [2], [3], [4]]
     many = replace(hall, arm_base=np.array([[2.0 * k, 0.0, 0.0, 0.0] for k in range(68)]), arm_start=np.zeros((68, 7)))
     parts = regions_of(many, MixedConfig())

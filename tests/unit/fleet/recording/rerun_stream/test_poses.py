@@ -15,7 +15,7 @@ from fleet.recording.rerun_stream.poses import (
     quat_multiply,
     snapped,
 )
-from fleet.robots.iiwa import iiwa_spec
+from fleet.robots import ARMS, ArmTeam
 from fleet.robots.racecar import racecar_spec
 
 
@@ -78,10 +78,10 @@ def test_steered_wheels_turn_about_one_centre() -> None:
 
 
 def test_arm_links_equal_the_product_of_matrices() -> None:
-    arm = iiwa_spec()
+    arm = ARMS["iiwa"].spec()
     base = np.array([[0.0, 0.0, 0.0, 0.0], [3.0, 1.0, 0.1, 2.0]])
     q = np.random.default_rng(0).uniform(-1.5, 1.5, (3, 2, 7))
-    positions, quats = ArmChain(arm).link_poses(base, q)
+    positions, quats = ArmChain(ArmTeam.alike(arm, 2)).link_poses(base, q)
     for f, m in np.ndindex(3, 2):
         world_from_link = turn_z(base[m, 3])
         world_from_link[:3, 3] = base[m, :3]
@@ -110,7 +110,7 @@ def test_wheels_that_are_part_of_the_body_stand_where_they_would_turn() -> None:
 
 
 def test_the_tool_of_an_arm_belongs_to_its_last_link() -> None:
-    arm = iiwa_spec()
+    arm = ARMS["iiwa"].spec()
     made = arm_parts(arm)
     assert [part.link for part in made] == [f"link_{k}" for k in range(8)]
     reach = made[-1].mesh.positions[:, 2].max()

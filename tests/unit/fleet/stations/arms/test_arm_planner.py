@@ -8,8 +8,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fleet.robots import iiwa_spec
-from fleet.robots.tools import TOOLS
 from fleet.stations.arms import arm_planner
 from fleet.stations.arms.arm_motions import UnreachableError
 from fleet.stations.arms.arm_planner import ArmSetup, WorkerArmPlanner
@@ -22,8 +20,7 @@ WORKS = (BEAT, None)
 SETUP = ArmSetup(
     cells=(),
     names=(),
-    spec=iiwa_spec(TOOLS["suction"]),
-    tool="suction",
+    specs=(),
     planner="rrt_connect_native",
     n_iterations=1,
     confirm=False,

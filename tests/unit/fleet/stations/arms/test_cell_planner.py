@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fleet.config import Grip
-from fleet.robots import iiwa_spec, racecar_spec
+from fleet.robots import ARMS, racecar_spec
 from fleet.robots.tools import TOOLS
 from fleet.stations.arms import cell_planner
 from fleet.stations.arms.arm_cell import ArmCell, arm_cells
@@ -40,7 +40,7 @@ def drop_cell(grip: Grip) -> ArmCell:
 
 def planner_of(cell: ArmCell, grip: Grip, search: Search | None = None) -> CellPlanner:
     tool = TOOLS[grip]
-    arm = planned_arm(iiwa_spec(tool), tool)
+    arm = planned_arm(ARMS["iiwa"].spec(tool))
     return CellPlanner(cell, arm, racecar_spec(), search or Search("rrt_connect_native", 20_000))
 
 
@@ -62,7 +62,7 @@ class Picky(Search):
 @pytest.mark.parametrize("site", ["cell", "small", "twin"])
 def test_an_arm_without_a_parcel_keeps_above_the_cars_that_pass_its_dock(site, grip):
     plan, tool = load_site(site), TOOLS[grip]
-    arm, car = planned_arm(iiwa_spec(tool), tool), racecar_spec()
+    arm, car = planned_arm(ARMS["iiwa"].spec(tool)), racecar_spec()
     cell = arm_cells(plan, scene_of(plan, np.zeros((1, 3)), grip))[0]
     planner = CellPlanner(cell, arm, car, Search("rrt_connect_native", 20_000))
     planner.prepare()

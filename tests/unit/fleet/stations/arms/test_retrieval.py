@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fleet.config import Grip
-from fleet.robots import iiwa_spec, racecar_spec
+from fleet.robots import ARMS, racecar_spec
 from fleet.robots.tools import TOOLS
 from fleet.stations.arms.arm_cell import arm_cells
 from fleet.stations.arms.arm_spheres import planned_arm
@@ -26,7 +26,7 @@ def planner() -> CellPlanner:
     plan, tool = load_site("cell"), TOOLS["suction"]
     return CellPlanner(
         arm_cells(plan, scene_of(plan, np.zeros((1, 3)), Grip.SUCTION))[0],
-        planned_arm(iiwa_spec(tool), tool),
+        planned_arm(ARMS["iiwa"].spec(tool)),
         racecar_spec(),
         Search("rrt_connect_native", 20_000),
     )

@@ -9,7 +9,7 @@ import pybullet
 import pytest
 
 from fleet.config import ArmConfig, Grip
-from fleet.robots.iiwa import iiwa_urdf
+from fleet.robots import ARMS
 from fleet.robots.tools import TOOLS
 from fleet.stations.arms.arm_cell import arm_cells
 from fleet.stations.arms.arm_controller import ArmPhase
@@ -25,6 +25,7 @@ SIZE_M = (0.07, 0.07, 0.07)
 SITE = load_site("twin")
 SCENE = scene_of(SITE, np.zeros((1, 3)), Grip.SUCTION)
 TOOL = TOOLS["suction"]
+PAIR = replace(SCENE, arms=SCENE.arms.part((0, 1)), arm_base=SCENE.arm_base[:2], arm_start=SCENE.arm_start[:2])
 
 
 @pytest.fixture(scope="module")
@@ -32,8 +33,7 @@ def planner():
     setup = ArmSetup(
         cells=arm_cells(SITE, SCENE)[:2],
         names=("pick_1", "pick_2"),
-        spec=SCENE.arm,
-        tool=TOOL.name,
+        specs=SCENE.arms.specs[:2],
         planner="rrt_connect_native",
         n_iterations=20_000,
         confirm=False,
@@ -46,7 +46,7 @@ def referee(tmp_path_factory):
     """Distance of the two arms by the engine's own meshes, at most 0.2 m."""
     client = pybullet.connect(pybullet.DIRECT)
     path = tmp_path_factory.mktemp("arm") / "arm.urdf"
-    path.write_text(iiwa_urdf(TOOL))
+    path.write_text(ARMS["iiwa"].text(TOOL))
     arms = [
         pybullet.loadURDF(
             str(path),
@@ -72,8 +72,8 @@ class Cell:
     """Both arms of the site's pick dock, with a world that only knows what is held."""
 
     def __init__(self, planner, referee, *, shared=True):
-        self.arm_manager = ArmManager(planner, ArmConfig(), SCENE.car, SCENE.arm_start[:2].copy(), TICK_S)
-        self.docks = share_docks(SITE, SCENE, TOOL, self.arm_manager.services) if shared else ()
+        self.arm_manager = ArmManager(planner, ArmConfig(), PAIR, TICK_S)
+        self.docks = share_docks(SITE, SCENE, self.arm_manager.services) if shared else ()
         self.held = np.array([-1, -1])
         self.least_m = np.inf
         self.now = 0
