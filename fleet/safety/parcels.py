@@ -128,6 +128,8 @@ class ParcelsCheck:
 
     def _read_books(self) -> None:
         """Note where each parcel in the world is booked."""
+        n_new = len(self._run.board.tasks) - len(self._astray)  # orders that came while the run goes on
+        self._astray = np.concatenate((self._astray, np.zeros(n_new, dtype=np.int64)))
         tasks = [self._run.board.tasks[parcel] for parcel in self._ids.tolist()]
         # What was dropped counts again when it was found where it is to be.
         self._dropped &= {task.index for task in tasks if task.state not in _MEASURED}
