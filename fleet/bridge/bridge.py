@@ -40,6 +40,7 @@ class Bridge:
         self._telling = Telling(simulation.view, lidar=lidar)
         self._owners: dict[str, BridgeClient] = {}
         self._paused = False
+        self._ends = False
         server.wants_reset = False
         for client in server.clients:
             client.welcomed = False
@@ -60,12 +61,13 @@ class Bridge:
             "pause": self._pause,
             "speed": self._speed,
             "reset": self._reset,
+            "end": self._end,
         }
 
     @property
-    def wants_reset(self) -> bool:
-        """Whether a client wants the run to begin again."""
-        return self._server.wants_reset
+    def is_over(self) -> bool:
+        """Whether a client wants the run to end, or to begin again."""
+        return self._ends or self._server.wants_reset
 
     def look(self, interrupted: Sequence[int] = ()) -> None:
         """Tell of the present tick and do what clients say; returns when nobody has paused the run any more."""
@@ -77,7 +79,7 @@ class Bridge:
                 self._server.tell(scan, again=True)
         if not self._paused:
             return
-        while self._paused and not (interrupted or self.wants_reset):
+        while self._paused and not (interrupted or self.is_over):
             self._serve(NAP_S)
         self._pace.change(self._pace.speed, self._simulation.sim_s)
 
@@ -174,6 +176,10 @@ class Bridge:
     def _reset(self, client: BridgeClient, header: Header) -> None:
         del client, header
         self._server.wants_reset = True
+
+    def _end(self, client: BridgeClient, header: Header) -> None:
+        del client, header
+        self._ends = True
 
     # --- whose a robot is
 

@@ -11,6 +11,7 @@ import numpy as np
 from fleet.arrays import FloatArray
 from fleet.remote.errors import RemoteError
 from fleet.run.view import RunView
+from fleet.stations.arms.arm_controller import ArmPhase
 from planners.motion.arm.kinematics import link_frames
 
 LOW_M = 0.6
@@ -147,6 +148,8 @@ class RemoteArms:
         run = self._run
         if grasp.leaves:
             self._release(arm)
+        elif run.arm_manager.services[arm].state is ArmPhase.HOLDING and run.missions.served[arm] < 0:
+            run.arm_manager.put_back(arm)  # fetched for a car that will not come
         elif run.arm_manager.is_idle(arm) and run.executor.close_if_free(self._dock(arm), for_a_moment=True):
             run.arm_manager.hand_over(arm)
             grasp.given, grasp.begun_s = True, run.sim_s

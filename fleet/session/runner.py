@@ -93,7 +93,7 @@ class SessionConfig:
     """Simulated seconds per wall second at most; 0 = as fast as possible."""
     progress: bool = True
     bridge: BridgeServer | None = None
-    """Whom else the run is told to, and who has a say in it; such a run ends when its time is up, and not before."""
+    """Whom else the run is told to, and who has a say in it; it then ends when its time is up or a client says so."""
     trust: bool = False
     """Whether robots in the hands of clients of the bridge may go where the fleet has the right of way."""
     check: bool = False
@@ -210,7 +210,7 @@ class _Watched:
         """Whether the run is: to a bridge, orders may come as long as there is time."""
         if self.bridge is None:
             return simulation.finished
-        return self.bridge.wants_reset or simulation.sim_s >= simulation.config.duration_s
+        return self.bridge.is_over or simulation.sim_s >= simulation.config.duration_s
 
 
 def _loop(simulation: Simulation, watched: _Watched, pace: Pace, started: float, interrupted: list[int]) -> _Course:

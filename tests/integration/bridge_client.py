@@ -14,7 +14,8 @@ from typing import Any
 from fleet.bridge.server import BridgeServer
 from fleet.config import RunConfig
 from fleet.session import SessionConfig, run_session
-from fleet.session.runner import Result
+from fleet.session.runner import MakeSimulation, Result
+from fleet.simulation import Simulation
 
 FOLDER = Path(__file__).resolve().parents[2] / "bridge"
 
@@ -36,9 +37,11 @@ class BridgedRun:
     Args:
         config: The run.
         session: How it is kept; it gets its bridge here.
+        make: Makes the run.
     """
 
-    def __init__(self, config: RunConfig, session: SessionConfig) -> None:
+    def __init__(self, config: RunConfig, session: SessionConfig, make: MakeSimulation = Simulation) -> None:
+        self._make = make
         self.server = BridgeServer("127.0.0.1:0")
         self.results: list[Result] = []
         self.faults: list[BaseException] = []
@@ -50,9 +53,9 @@ class BridgedRun:
 
     def _run(self) -> None:
         try:
-            self.results.append(run_session(self._config, self._session))
+            self.results.append(run_session(self._config, self._session, self._make))
             while self.server.wants_reset:
-                self.results.append(run_session(self._config, self._session))
+                self.results.append(run_session(self._config, self._session, self._make))
         except BaseException as fault:
             self.faults.append(fault)
         finally:
@@ -83,12 +86,12 @@ class BridgedRun:
 
 
 @contextmanager
-def bridged(config: RunConfig, session: SessionConfig) -> Iterator[BridgedRun]:
+def bridged(config: RunConfig, session: SessionConfig, make: MakeSimulation = Simulation) -> Iterator[BridgedRun]:
     """A run with a client; both end with the block."""
-    run = BridgedRun(config, session)
+    run = BridgedRun(config, session, make)
     try:
         yield run
     finally:
-        run.link.say("speed", speed=0)  # what is left of it goes fast
+        run.link.say("end")
         run.link.close()
         run._thread.join(120.0)

@@ -49,6 +49,7 @@ def test_a_client_drives_a_car_and_whoever_leaves_leaves_it_to_the_fleet(tmp_pat
 
         run.wait(moved)
         run.link.close()
+        module("link").Link(f"127.0.0.1:{run.server.port}").say("speed", speed=0)
         run.end()
     kinds = [json.loads(line)["kind"] for line in (out / "run.jsonl").read_text().splitlines()]
     assert kinds.index("remote_taken") < kinds.index("remote_given_back")
@@ -69,6 +70,7 @@ def test_a_client_pauses_orders_and_lets_the_run_begin_again(tmp_path: Path) -> 
         run.link.say("reset")
         run.wait(lambda frame: frame.op == "hello")
         run.wait(lambda frame: frame.op == "state" and frame.header["sim_s"] < 1.0)
+        run.link.say("end")
         run.end()
     assert len(run.results) == 2
     assert run.results[0].tasks_total == 3

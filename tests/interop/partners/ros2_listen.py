@@ -2,7 +2,8 @@
 
     python ros2_listen.py TICKS CARS ARMS
 
-It says `ready` when all topics have somebody who publishes, and then listens until so many ticks of the clock are over.
+It says `ready` when something has come on all topics, listens until so many messages of the clock have come, and tells
+the stamp [ns] and the wall time [s] of each message by its topic.
 """
 
 import json
@@ -12,41 +13,35 @@ from collections import defaultdict
 
 import rclpy
 from nav_msgs.msg import Odometry
+from rclpy.executors import SingleThreadedExecutor
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 
-
-def main() -> None:
-    n_ticks, n_cars, n_arms = (int(word) for word in sys.argv[1:])
-    rclpy.init()
-    node = rclpy.create_node("listener")
-    came: dict[str, list[tuple[int, float]]] = defaultdict(list)
-    topics = [
-        (f"/car_{k}/{name}", kind)
-        for k in range(n_cars)
-        for name, kind in (("odom", Odometry), ("joint_states", JointState))
-    ]
-    topics += [(f"/arm_{k}/joint_states", JointState) for k in range(n_arms)]
-
-    def hear(topic: str, message: object) -> None:
-        at = message.header.stamp
-        came[topic].append((at.sec * 1_000_000_000 + at.nanosec, time.time()))
-
-    for topic, kind in topics:
-        node.create_subscription(kind, topic, lambda message, topic=topic: hear(topic, message), 50)
-    node.create_subscription(Clock, "/clock", lambda message: came["/clock"].append((0, 0.0)), 50)
-    executor = rclpy.executors.SingleThreadedExecutor()
-    executor.add_node(node)
-    while not all(came[topic] for topic, _ in topics):
-        executor.spin_once(timeout_sec=1.0)
-    print("ready", flush=True)
-    came.clear()
-    while len(came["/clock"]) < n_ticks:
-        executor.spin_once(timeout_sec=1.0)
-    until = time.time() + 0.5
-    while time.time() < until:
-        executor.spin_once(timeout_sec=0.1)
-    print(json.dumps({topic: came[topic] for topic, _ in topics}))
+n_ticks, n_cars, n_arms = (int(word) for word in sys.argv[1:])
+rclpy.init()
+node = rclpy.create_node("listener")
+came = defaultdict(list)
+topics = [(f"/car_{k}/odom", Odometry) for k in range(n_cars)]
+topics += [(f"/car_{k}/joint_states", JointState) for k in range(n_cars)]
+topics += [(f"/arm_{k}/joint_states", JointState) for k in range(n_arms)]
 
 
-main()
+def hear(topic, stamp):
+    came[topic].append((stamp.sec * 1_000_000_000 + stamp.nanosec, time.time()))
+
+
+for name, kind in topics:
+    node.create_subscription(kind, name, lambda message, name=name: hear(name, message.header.stamp), 50)
+node.create_subscription(Clock, "/clock", lambda message: hear("/clock", message.clock), 50)
+executor = SingleThreadedExecutor()
+executor.add_node(node)
+while not all(came[name] for name, _ in topics):
+    executor.spin_once(timeout_sec=1.0)
+print("ready", flush=True)
+came.clear()
+while len(came["/clock"]) < n_ticks:
+    executor.spin_once(timeout_sec=1.0)
+until = time.time() + 0.5
+while time.time() < until:
+    executor.spin_once(timeout_sec=0.1)
+print("result", json.dumps(came), flush=True)

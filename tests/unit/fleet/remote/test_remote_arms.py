@@ -58,6 +58,14 @@ def test_an_arm_goes_to_its_target_inside_its_limits_and_comes_home(run: Simulat
     assert run.summary().tasks_done == 2
 
 
+def test_an_arm_puts_back_what_it_has_fetched_for_a_car_that_will_not_come(run: Simulation) -> None:
+    while run.arm_manager.services[0].state != "holding":
+        run.tick()
+    taken(run)
+    assert run.sim_s < 20.0
+    assert (run.world.held() == -1).all()
+
+
 def test_a_motion_goes_through_its_points_in_their_time(run: Simulation) -> None:
     taken(run)
     points = [turned(run, 0.2), turned(run, -0.2)]
