@@ -2,8 +2,10 @@
 
     python ros2_drive.py CAR X,Y [X,Y ...]
 
+where a place with a `!` behind it is one to stand at, and the others are only on the way.
+
 Pure pursuit of each place in turn, as in R. Craig Coulter, "Implementation of the Pure Pursuit Path Tracking
-Algorithm", CMU-RI-TR-92-01, 1992; it slows down before the place. Tells how near it came to each place.
+Algorithm", CMU-RI-TR-92-01, 1992; it slows down before the place. Tells how near to each place it stood.
 """
 
 import json
@@ -17,7 +19,7 @@ from std_srvs.srv import Trigger
 
 NEAR_M, STILL_MPS, PATIENCE_S = 0.07, 0.03, 240.0
 car = sys.argv[1]
-places = [tuple(float(word) for word in place.split(",")) for place in sys.argv[2:]]
+places = [(*map(float, place.rstrip("!").split(",")), place.endswith("!")) for place in sys.argv[2:]]
 rclpy.init()
 node = rclpy.create_node("driver")
 pose, now = [], [0.0]
@@ -31,27 +33,38 @@ def see(message):
 
 node.create_subscription(Odometry, f"/{car}/odom", see, 10)
 wheel = node.create_publisher(Twist, f"/{car}/cmd_vel", 10)
+
+
+def call(name):
+    client = node.create_client(Trigger, f"/{car}/{name}")
+    if not client.wait_for_service(60.0):
+        return False
+    future = client.call_async(Trigger.Request())
+    rclpy.spin_until_future_complete(node, future, timeout_sec=30.0)
+    return bool(future.result() and future.result().success)
+
+
+taken = call("take")
 print("ready", flush=True)
 misses = []
-for x, y in places:
+for x, y, is_stop in places:
     stands = False
     while not stands and now[0] < PATIENCE_S:
         rclpy.spin_once(node, timeout_sec=0.2)
         if not pose:
             continue
         away = math.hypot(x - pose[0], y - pose[1])
+        if not is_stop and away < 0.45:
+            break
         turn = math.remainder(math.atan2(y - pose[1], x - pose[0]) - pose[2], math.tau)
         command = Twist()
-        if away > NEAR_M and abs(turn) < 1.6:
+        passed = abs(turn) > 1.6 and away < 0.4
+        if away > NEAR_M and not passed:
             command.linear.x = min(0.5, 0.15 + 0.7 * max(0.0, away - NEAR_M))
             command.angular.z = 2.0 * command.linear.x * math.sin(turn) / max(away, 0.4)
         else:
             stands = abs(pose[3]) < STILL_MPS
         wheel.publish(command)
-    misses.append(math.hypot(x - pose[0], y - pose[1]))
-release = node.create_client(Trigger, f"/{car}/release")
-release.wait_for_service(10.0)
-future = release.call_async(Trigger.Request())
-rclpy.spin_until_future_complete(node, future, timeout_sec=10.0)
-answer = future.result()
-print("result", json.dumps({"misses_m": misses, "released": bool(answer and answer.success)}), flush=True)
+    if is_stop:
+        misses.append(math.hypot(x - pose[0], y - pose[1]))
+print("result", json.dumps({"misses_m": misses, "taken": taken, "released": call("release")}), flush=True)
