@@ -14,13 +14,19 @@ JOBS = 2
 PYTHON =
 # Extras that `make test-stacks` tests: training libraries, and Ray for studies.
 STACKS = train sb3 rllib torchrl benchmarl ray
+# Other people's programs that `make test-interop` talks to; each has a target of its own that sets it up.
+PARTNERS = .venv-ros/.installed .partners/roslib/.installed partner-rospy .partners/node_modules/vda-5050-lib
+ROS2_WHEELS = ros-rclpy ros-rmw-fastrtps-cpp ros-std-msgs ros-std-srvs ros-geometry-msgs ros-nav-msgs ros-sensor-msgs \
+  ros-trajectory-msgs ros-rosgraph-msgs
+ROS1_DEBS = python3-rospy python3-rosmaster python3-rostopic python3-sensor-msgs python3-geometry-msgs python3-nav-msgs \
+  python3-trajectory-msgs python3-std-srvs python3-rosgraph-msgs
 # What `make test-bounds` runs with every index of a kernel checked, and where it keeps the kernels compiled for that.
 BOUNDS_TESTS = tests/unit/planners tests/unit/maps tests/unit/fleet tests/contract
 BOUNDS_DIR = build/bounds
 # Further words for the command, such as ARGS="--site small --robots 8".
 ARGS =
 
-.PHONY: help setup demo test test-long test-all test-rules test-bounds test-stacks test-interop notebooks zoo check format bench docs hooks hooks-check clean
+.PHONY: help setup demo test test-long test-all test-rules test-bounds test-stacks test-interop partner-rospy notebooks zoo check format bench docs hooks hooks-check clean
 
 help: ## List the targets.
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -51,7 +57,7 @@ $(STAMP): pyproject.toml
 	echo "Setting up $(VENV) with $$("$$python" --version); the first time takes a few minutes."; \
 	if ! $(BIN)/python -c '' >/dev/null 2>&1; then "$$python" -m venv --clear $(VENV); fi; \
 	find fleet maps planners -name "*.nb[ic]" -delete; \
-	$(BIN)/python -m pip install --quiet --quiet --disable-pip-version-check --editable '.[dev,interop,mcap,notebook,rmf,vda5050]'; \
+	$(BIN)/python -m pip install --quiet --quiet --disable-pip-version-check --editable '.[dev,interop,mcap,notebook,rmf,ros,vda5050]'; \
 	echo "Compiling the kernels once, about half a minute."; \
 	out=$$(mktemp -d); \
 	$(BIN)/python -m fleet.demo --site cell --robots 1 --tasks 1 --duration 8 --out "$$out" >/dev/null; \
@@ -96,12 +102,28 @@ test-stacks: $(STAMP) ## One environment for each training library and Ray, in .
 	  $$python -m pytest -q tests/stacks/test_$$stack*.py $(ARGS); \
 	done
 
-# What others have written, in a folder of its own: nothing of it belongs to the project.
-.partners/node_modules/vda-5050-lib:
-	@npm install --silent --no-audit --no-fund --no-save --prefix .partners vda-5050-lib@1.4.0
-
-test-interop: $(STAMP) .partners/node_modules/vda-5050-lib ## Tests with programs of others; needs npm.
+test-interop: $(STAMP) $(PARTNERS) ## With programs of others (ROS 2, ROS 1, roslib, vda-5050-lib), set up first: the tests that need them.
 	@$(BIN)/python -m pytest -q -m interop $(ARGS)
+
+# An environment of its own: its packages restart every Python of it with another search path for libraries.
+.venv-ros/.installed: | $(STAMP)
+	@$(BIN)/python -m venv --clear .venv-ros
+	@.venv-ros/bin/python -m pip install --quiet --quiet --disable-pip-version-check $(ROS2_WHEELS)
+	@touch $@
+
+.partners/node_modules/vda-5050-lib:
+	@if command -v npm >/dev/null; then npm install --silent --no-audit --no-fund --no-save --prefix .partners vda-5050-lib@1.4.0; \
+	else echo "npm is missing: the tests with vda-5050-lib are skipped"; fi
+
+.partners/roslib/.installed:
+	@if command -v npm >/dev/null; then npm install --silent --no-fund --no-audit --prefix .partners/roslib roslib@2 && touch $@; \
+	else echo "npm is missing: the tests with roslib are skipped"; fi
+
+partner-rospy:
+	@if /usr/bin/python3 -c 'import rospy' 2>/dev/null; then :; \
+	elif [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; then \
+	  apt-get update -qq && apt-get install -qq -y --no-install-recommends $(ROS1_DEBS); \
+	else echo "rospy is missing: the tests with ROS 1 are skipped; for them: apt-get install $(ROS1_DEBS)"; fi
 
 zoo: $(STAMP) ## Every scenario of the deadlock zoo with every fidelity, and the page of results; slow.
 	@$(BIN)/python -m tests.zoo --out docs/zoo.md $(ARGS)
@@ -134,5 +156,5 @@ hooks-check: $(STAMP) ## Run the pre-commit hooks on all files.
 	@$(BIN)/pre-commit run --all-files
 
 clean: ## Remove .venv, caches and the output of runs.
-	@rm -rf $(VENV) .partners .stacks .coverage .import_linter_cache .mypy_cache .pytest_cache .ruff_cache build dist runs
+	@rm -rf $(VENV) .venv-ros .partners .stacks .coverage .import_linter_cache .mypy_cache .pytest_cache .ruff_cache build dist runs
 	@find . -name __pycache__ -type d -prune -exec rm -rf {} +

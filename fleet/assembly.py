@@ -54,7 +54,7 @@ from fleet.tasks.backlog import Backlog
 from fleet.tasks.board import TaskBoard
 from fleet.tasks.open_deliveries import OpenDeliveries
 from fleet.tasks.order import MAX_GENERATED_KG, Ability, Order, ability_of, generate_orders
-from fleet.tasks.order_file import OrderBook, read_orders
+from fleet.tasks.order_file import OrderBook, OrderTerms, read_orders
 from fleet.tasks.reasons import ReasonBook
 from fleet.tasks.stream import stream_orders
 from fleet.traffic.drivers import Driver, PathDriver, StateDriver
@@ -63,6 +63,7 @@ from fleet.traffic.replanning import Traffic
 from fleet.world import make_world
 from fleet.world.grid import GridWorld
 from fleet.world.protocol import World
+from maps.site import Site
 
 Lost = Callable[[int, int], str]
 """Told that an arm has lost a parcel from its grip; returns why, in words."""
@@ -300,20 +301,30 @@ def _orders(
     """What is to be done."""
     if parts.orders is not None:
         return OrderBook(orders=tuple(parts.orders))
-    site, battery = setup.site, config.battery
-    grip_kg = TOOLS[config.grip].payload_kg(config.grip_force_n)
+    site, terms = setup.site, order_terms(config, setup.site, abilities)
     if config.orders is not None:
-        n_chargers = len(site.chargers[: battery.chargers_n]) if battery.enabled else 0
-        return read_orders(config.orders, site, abilities, n_chargers=n_chargers, grip_kg=grip_kg)
+        return read_orders(config.orders, site, abilities, n_chargers=terms.n_chargers, grip_kg=terms.grip_kg)
     require(
-        grip_kg >= MAX_GENERATED_KG,
+        terms.grip_kg >= MAX_GENERATED_KG,
         "--grip-force",
         config.grip_force_n,
-        f"a force that holds {MAX_GENERATED_KG} kg, the heaviest generated parcel; this one holds {grip_kg:.3g} kg",
+        f"a force that holds {MAX_GENERATED_KG} kg, the heaviest generated parcel; "
+        f"this one holds {terms.grip_kg:.3g} kg",
     )
     if config.stream is not None:
         return OrderBook(orders=stream_orders(site, config.stream, config.duration_s, config.tasks, rng))
     return OrderBook(orders=generate_orders(site, config.n_tasks, config.robots, rng))
+
+
+def order_terms(config: RunConfig, site: Site, abilities: Sequence[Ability]) -> OrderTerms:
+    """What orders of a run have to fit."""
+    battery = config.battery
+    return OrderTerms(
+        site=site,
+        abilities=abilities,
+        n_chargers=len(site.chargers[: battery.chargers_n]) if battery.enabled else 0,
+        grip_kg=TOOLS[config.grip].payload_kg(config.grip_force_n),
+    )
 
 
 def _arm_planner(config: RunConfig, setup: RunSetup) -> ArmPlanner:

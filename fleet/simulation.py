@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fleet.arrays import FloatArray
-from fleet.assembly import Parts, assemble
+from fleet.assembly import Parts, assemble, order_terms
 from fleet.config import RunConfig
 from fleet.errors import FleetError
 from fleet.incidents.chaos import draw_chaos
@@ -23,6 +23,7 @@ from fleet.insight.explain import Explanation, explain
 from fleet.insight.figures import Figures
 from fleet.insight.metrics import Metrics, Summary
 from fleet.missions.phases import CarPhase
+from fleet.remote.control import RemoteControl
 from fleet.run.clock import Clock
 from fleet.run.ending import Ending
 from fleet.run.events import Event, Events
@@ -106,6 +107,8 @@ class Simulation:
             self.board.subscribe(self._task_moved)
             batches = Batches(self.board, self.log)
             self.recovery = Recovery(view)
+            self.remote = RemoteControl(view, self.recovery, order_terms(config, setup.site, made.abilities))
+            """What somebody outside may do to the run."""
             self.setting_changes = SettingChanges(view)
             chaos = draw_chaos(setup.site, view.world.n_cars, config.chaos_per_h, config.duration_s, _chaos_rng(config))
             self.disturbances = Disturbances(view, self.recovery, (*config.events, *chaos))
@@ -171,6 +174,7 @@ class Simulation:
         self.traffic.tick(now)
         commands = self.executor.tick(self.world)
         self.recovery.tick(now)
+        self.remote.tick(commands)
         self.arm_manager.tick(now, self.world.held())
         self.world.step(*self._merged(commands, actions))
         if self.counts_figures:

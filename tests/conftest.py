@@ -25,6 +25,7 @@ LONG = (
     "tests/integration/test_arm_workers.py",
     "tests/integration/test_asked_in_turn.py",
     "tests/integration/test_booking.py",
+    "tests/integration/test_bridge.py",
     "tests/integration/test_camera_picking.py",
     "tests/integration/test_charging.py",
     "tests/integration/test_connect_modes.py",

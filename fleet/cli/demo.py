@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -99,8 +100,13 @@ class Demo:
     """Stream to viewers on the loopback interface while it runs."""
     port: int = 9876
     """Port of --serve."""
+    bridge: str | None = None
+    """HOST:PORT on which programs outside, such as nodes of ROS, see the run and command its robots; it then ends when
+    its time is up. Host 127.0.0.1 lets in those of this machine only."""
+    trust: bool = False
+    """Robots that are commanded over the bridge may go where the fleet has the right of way."""
     lidar: bool = False
-    """Record what a lidar on each car sees."""
+    """Record what a lidar on each car sees, and tell it over the bridge."""
     internals: bool = False
     """Record what planners think: how cars rank, and the search trees behind the arms' plans."""
     check: bool = False
@@ -113,6 +119,7 @@ class Demo:
     def run(self) -> int:
         """Run and print the result; returns the exit status."""
         # The engine, the planners and their compiled kernels take a second to load: only for runs, not for --help.
+        from fleet.bridge.server import BridgeServer
         from fleet.recording import RECORDING
         from fleet.session import SessionConfig, run_session
 
@@ -154,8 +161,15 @@ class Demo:
             internals=self.internals,
             speed=self.speed,
             check=self.check,
+            trust=self.trust,
         )
-        result = run_session(config, session)
+        with contextlib.ExitStack() as stack:
+            if self.bridge is not None:
+                server = stack.enter_context(BridgeServer(self.bridge))
+                session = replace(session, bridge=server)
+            result = run_session(config, session)
+            while session.bridge is not None and session.bridge.wants_reset and not result.interrupted:
+                result = run_session(config, session)
         console = plain_console()
         console.print(run_table({"value": vars(result)}, short=not self.all))
         if not self.no_record:
@@ -173,7 +187,8 @@ class Demo:
         for option, given, fits, valid in (
             ("--gui", self.gui, self.fidelity is Fidelity.PHYSICS, "with --fidelity physics"),
             ("--serve", self.serve, not self.no_record, "without --no-record"),
-            ("--lidar", self.lidar, not self.no_record, "without --no-record"),
+            ("--lidar", self.lidar, not self.no_record or self.bridge is not None, "without --no-record"),
+            ("--trust", self.trust, self.bridge is not None, "with --bridge"),
             ("--internals", self.internals, not self.no_record, "without --no-record"),
             ("--view", self.view, not self.no_record, "without --no-record"),
             ("--tasks", self.tasks is not None, self.orders is None, "without --orders"),

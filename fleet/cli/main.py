@@ -46,6 +46,11 @@ class Command:
 
 
 COMMANDS = {
+    "bridge": Command(
+        "bridge.BridgeCommand",
+        "Show a run with --bridge to ROS 2, ROS 1 or clients of rosbridge, by a process of its own.",
+        compiles=False,
+    ),
     "calibrate": Command(
         "calibrate.Calibrate",
         "Replay a measured joint motion and fit damping and friction of the joints.",

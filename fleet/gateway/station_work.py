@@ -138,7 +138,8 @@ class StationWork:
             mass_kg=float(action.parameters.get("weight", MASS_KG)),
             size_m=(EDGE_M, EDGE_M, EDGE_M),
         )
-        task = run.board.add(order, now_s)
+        task = run.board.add(order)
+        run.board.release_due(now_s)
         self._loads[task.index] = Load(
             id=str(action.parameters.get("loadId", order.name)),
             type=str(action.parameters.get("loadType", "parcel")),

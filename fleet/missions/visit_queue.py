@@ -24,7 +24,6 @@ class VisitQueue:
         self._places = places
         self._ways = ways
         self._reasons = reasons
-        self._any = any(task.visit is not None for task in missions.board.tasks)
         self._ready: dict[int, Task] = {}
         missions.board.subscribe(self._task_moved)
 
@@ -35,7 +34,7 @@ class VisitQueue:
     def chargers_wanted(self) -> set[int]:
         """Numbers of chargers to be left to visits, for which a car would be free: one for each such visit."""
         wanted: set[int] = set()
-        if not self._any:
+        if not self._missions.board.has_visits:
             return wanted
         chargers = [n for n in self._places.charger_numbers if not self._ways.blocked[self._places.cells[n]]]
         for task in self._ready.values():

@@ -55,7 +55,6 @@ class Visits:
         self._charging = charging
         self._world = world
         self._log = log
-        self._any = any(task.visit is not None for task in missions.board.tasks)
         self._came_s = np.zeros(world.n_cars)
 
     def book(self, car: int, task: Task) -> bool:
@@ -85,7 +84,7 @@ class Visits:
 
     def call(self, tick: int) -> None:
         """Let cars that are held back go on when there is room."""
-        if not self._any:
+        if not self._missions.board.has_visits:
             return
         for car, task in self._visiting(CarPhase.HELD):
             if self._missions.bookings.book(car):
@@ -108,7 +107,7 @@ class Visits:
 
     def tick(self, tick: int, now_s: float) -> None:
         """Note who has come, and let those go on who have stood long enough."""
-        if not self._any:
+        if not self._missions.board.has_visits:
             return
         for car, task in self._visiting(CarPhase.TO_PLACE):
             if self._ways.has_come(car):

@@ -154,7 +154,6 @@ class Watch:
         self._internals = internals
         if internals:
             run.arm_manager.keep_trees()
-        self._sizes = {task.parcel: task.delivery.size_m for task in run.board.tasks if task.visit is None}
         self._changed_tasks: dict[str, str] = {task.order.name: str(task.state) for task in run.board.tasks}
         self._epoch = -1
         self._due_s: dict[float, float] = {}
@@ -244,7 +243,8 @@ class Watch:
     def _look_at_parcels(self, ids: npt.NDArray[np.int64]) -> None:
         if ids is not self._parcels:
             self._parcels = ids
-            self._parcel_sizes = np.array([self._sizes[k] for k in ids.tolist()]).reshape(-1, 3)
+            tasks = self._run.board.tasks
+            self._parcel_sizes = np.array([tasks[k].delivery.size_m for k in ids.tolist()]).reshape(-1, 3)
 
     def _look_at_cells(self, frame: Frame) -> None:
         """Cells and scans."""

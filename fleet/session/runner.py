@@ -12,6 +12,8 @@ from typing import Protocol
 
 import numpy as np
 
+from fleet.bridge.bridge import Bridge
+from fleet.bridge.server import BridgeServer
 from fleet.config import RunConfig
 from fleet.errors import BrokenRunError, FleetError
 from fleet.insight.cause_file import CAUSES, LEGEND, CauseWriter
@@ -90,6 +92,10 @@ class SessionConfig:
     speed: float = 0.0
     """Simulated seconds per wall second at most; 0 = as fast as possible."""
     progress: bool = True
+    bridge: BridgeServer | None = None
+    """Whom else the run is told to, and who has a say in it; it then ends when its time is up or a client says so."""
+    trust: bool = False
+    """Whether robots in the hands of clients of the bridge may go where the fleet has the right of way."""
     check: bool = False
     """Look after every tick whether the invariants hold, see `fleet.safety`."""
 
@@ -166,7 +172,11 @@ def run_session(config: RunConfig, session: SessionConfig, make: MakeSimulation 
                 safety.tick()
 
         watch.look()
-        course = _loop(simulation, session, look, started, interrupted)
+        pace = Pace(session.speed)
+        bridge = None
+        if session.bridge is not None:
+            bridge = Bridge(simulation, session.bridge, pace, trust=session.trust, lidar=session.lidar)
+        course = _loop(simulation, _Watched(look=look, bridge=bridge), pace, started, interrupted)
         simulation.log("run_ended")
         result = _result(simulation, course, run_file.name, interrupted=bool(interrupted))
         if course.error is None:
@@ -189,31 +199,40 @@ class _Course:
     """What broke it off."""
 
 
-def _loop(
-    simulation: Simulation,
-    session: SessionConfig,
-    look: Callable[[], None],
-    started: float,
-    interrupted: list[int],
-) -> _Course:
+@dataclass(frozen=True, kw_only=True)
+class _Watched:
+    """Who is told after each tick."""
+
+    look: Callable[[], None]
+    bridge: Bridge | None
+
+    def is_over(self, simulation: Simulation) -> bool:
+        """Whether the run is: to a bridge, orders may come as long as there is time."""
+        if self.bridge is None:
+            return simulation.finished
+        return self.bridge.is_over or simulation.sim_s >= simulation.config.duration_s
+
+
+def _loop(simulation: Simulation, watched: _Watched, pace: Pace, started: float, interrupted: list[int]) -> _Course:
     """Tick until finished; an interrupt lets the present tick end and stops there."""
     first_move_s: float | None = None
     error: Exception | None = None
     window = getattr(simulation.world, "window", None)
-    pace = Pace(session.speed)
     display = None if window is None else Display(simulation.view, window, pace)
     begin = time.perf_counter()
-    pace.change(session.speed, simulation.sim_s)
+    pace.change(pace.speed, simulation.sim_s)
     gc.freeze()  # what is there lives as long as the run: the collector need not look through it again and again
     try:
-        while not simulation.finished and not interrupted:
+        while not watched.is_over(simulation) and not interrupted:
             simulation.tick()
-            look()
+            watched.look()
             if first_move_s is None and np.any(np.abs(simulation.world.car_speeds()) > 0.01):
                 first_move_s = round(time.perf_counter() - started, 3)
                 simulation.log("first_move")
             if display is not None:
                 display.look(interrupted)
+            if watched.bridge is not None:
+                watched.bridge.look(interrupted)
             pace.wait(simulation.sim_s, interrupted)
     except (FleetError, MapsError, PlanningError) as reason:
         error = reason

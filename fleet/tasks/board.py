@@ -82,6 +82,10 @@ class UnknownTask(FleetError):
     """No task has that name."""
 
 
+class NameTaken(FleetError):
+    """An order comes while the run goes on, and has the name of another one."""
+
+
 @dataclass(kw_only=True)
 class Task:
     """One delivery or visit in progress."""
@@ -168,25 +172,27 @@ class TaskBoard:
         self._listeners: list[Listener] = []
         self.legs = [task for task in self.tasks if task.order.same_car_as]
         """Tasks that are kept for the car of the task before."""
+        self.has_visits = any(task.visit is not None for task in self.tasks)
+        """Whether any task is a visit."""
         self._by_state: dict[TaskState, dict[int, Task]] = {state: {} for state in TaskState}
         for task in self.tasks:
             self._by_state[TaskState.ORDERED][task.index] = task
 
-    def add(self, order: Order, now_s: float) -> Task:
-        """Take in an order that nobody knew of before, and release it.
+    def add(self, order: Order) -> Task:
+        """Take in an order whose release time has come, while the run goes on; it is released with the next ones.
 
-        Args:
-            order: The order, with a name of its own.
-            now_s: Simulated time [s].
+        Raises:
+            NameTaken: There is one of that name already.
         """
         if order.name in self._by_name:
-            raise AssertionError(f"task {order.name} is known already")
+            raise NameTaken(f"order {order.name!r} is there already; valid: a name that no order has")
         task = Task(index=len(self.tasks), order=order)
         self.tasks.append(task)
         self._by_name[order.name] = task
         self._by_state[TaskState.ORDERED][task.index] = task
+        self._unreleased.appendleft(task)
         self._open += 1
-        self.move(task, TaskState.BACKLOG, now_s, "it was ordered while the run goes on")
+        self.has_visits |= task.visit is not None
         return task
 
     def subscribe(self, listener: Listener) -> None:

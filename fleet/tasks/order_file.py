@@ -132,6 +132,37 @@ def read_orders(
     return OrderBook(orders=tuple(kept), refused=refused)
 
 
+@dataclass(frozen=True, kw_only=True)
+class OrderTerms:
+    """What an order has to fit."""
+
+    site: Site
+    abilities: Sequence[Ability]
+    """What each car can carry."""
+    n_chargers: int = 0
+    """Chargers in use; 0 = cars have no batteries."""
+    grip_kg: float = math.inf
+    """Heaviest parcel that the arms' tools hold [kg]."""
+
+
+def read_order(fields: object, terms: OrderTerms) -> Order:
+    """Read one order that stands alone, as one of a JSON file.
+
+    Args:
+        fields: A dictionary with the entries of an order, see `read_orders`.
+        terms: What it has to fit.
+
+    Raises:
+        OrdersError: It cannot be accepted, or is made of several; names field, value and valid values.
+    """
+    setting = Setting(site=terms.site, places=PlaceNames(terms.site), n_chargers=terms.n_chargers)
+    orders = _unfold(_json_row(fields, "order"), setting, terms.abilities, terms.grip_kg)
+    alone = len(orders) == 1 and not (orders[0].after or orders[0].batch)
+    if not alone:
+        raise OrdersError(f"order {shown(orders[0].name)} is one of several; valid: one that stands alone")
+    return orders[0]
+
+
 def _csv_rows(path: Path, text: str) -> list[_Row]:
     reader = csv.reader(io.StringIO(text, newline=""))
     try:

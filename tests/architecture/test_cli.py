@@ -19,6 +19,7 @@ LISTED = {
 }
 ALL = {name: command.load() for name, command in LISTED.items()}
 REQUIRED = {
+    "bridge": ["files"],
     "calibrate": ["motion.csv"],
     "dataset": ["--scenario", "dispatch_due", "--out", "data"],
     "diff": ["run_1", "run_2"],
@@ -135,6 +136,9 @@ def test_every_option_of_the_demo_takes_another_value() -> None:
         "--rate",
         "60",
         "--battery",
+        "--bridge",
+        "127.0.0.1:0",
+        "--trust",
         "--grip-force",
         "30",
         "--arms",

@@ -19,6 +19,7 @@ from tests.guide.pages import Block, each_block, run_block
     "docs/guide/report.md",
     "docs/guide/compare.md",
     "docs/guide/replay.md",
+    "docs/guide/ros.md",
 )
 def test_block(block: Block, tmp_path: Path) -> None:
     run_block(block, tmp_path)

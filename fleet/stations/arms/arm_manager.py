@@ -86,6 +86,7 @@ class ArmManager:
         self._due: dict[int, tuple[int, int | Transfer]] = {}
         self._reasons = [""] * len(start_rad)
         self._n_stops = [0] * len(start_rad)
+        self._outside: set[int] = set()
         self.trees: dict[int, FloatArray] = {}
         """Search trees behind the plans that have landed, by arm, as in `Transfer`; whoever shows them takes them."""
 
@@ -94,8 +95,24 @@ class ArmManager:
         self._planner.keep_trees()
 
     def is_idle(self, arm: int) -> bool:
-        """True when an arm is home and has nothing to do."""
+        """True when an arm is home, has nothing to do, and is not in other hands."""
+        return self.rests(arm) and arm not in self._outside
+
+    def rests(self, arm: int) -> bool:
+        """True when an arm has nothing to do for the fleet, wherever it is."""
         return self.services[arm].state is _IDLE
+
+    def hand_over(self, arm: int) -> None:
+        """Let somebody else write the rows of an idle arm in `q` and `qd`, until `take_back`."""
+        self._outside.add(arm)
+
+    def come_home(self, arm: int, tick: int) -> None:
+        """Let an arm that was handed over find its way home, if there is one; it `rests` afterwards."""
+        self._ask(arm, self._planner.submit(HomeRequest(arm=arm, q=self.q[arm].copy())), tick)
+
+    def take_back(self, arm: int) -> None:
+        """End a `hand_over`: the arm is home."""
+        self._outside.discard(arm)
 
     def is_ready(self, arm: int, parcel: int) -> bool:
         """True when an arm could begin to serve a car with a parcel: it is home, or holds just that parcel."""

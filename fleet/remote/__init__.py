@@ -1,0 +1,1 @@
+"""Robots and orders in the hands of somebody outside of the fleet."""
