@@ -17,6 +17,7 @@ from fleet.simulation import Simulation
 CSV = "id,release_s,pick,drop,mass_kg,size_m\n"
 GOOD = "a,0,pick_1,drop_1,0.3,0.06\n"
 OWN = "tests.unit.planners.own_members"
+SQUARE = str(Path(__file__).parents[2] / "docs" / "examples" / "open_floor" / "square.yaml")
 EVENT = "[[event]]\ntime_s = 1.0\n"
 CELL_PLAN = """
 ############
@@ -310,6 +311,11 @@ def test_a_refused_run_leaves_earlier_results_alone(tmp_path: Path, capsys: pyte
         (["site", "import", "nope.xml", "--out", "OUT"], ["nope.xml: cannot be read", "openTCS plant model 7"]),
         (["site", "import", "floor.dwg", "--out", "OUT"], ["floor.dwg: the name says no format"]),
         (["export", "nowhere"], ["--mcap", "missing"]),
+        (["yard", "plan", "nope.yaml"], ["nope.yaml: cannot be read", "an instance of CL-CBS"]),
+        (["yard", "plan", SQUARE, "--output", "OUT", "--cars", "9"], ["--cars is 9", "1 to 8, the agents of"]),
+        (["yard", "plan", SQUARE, "--output", "OUT", "--budget-s", "0"], ["--budget-s is 0", "a number > 0"]),
+        (["yard", "plan", SQUARE, "--output", SQUARE], ["--output is", "another file than the instance"]),
+        (["yard", "plan", SQUARE, "--output", "nowhere/x.yaml"], ["nowhere/x.yaml", "No such file"]),
         (["export", "nowhere", "--mcap", "OUT"], ["no run in nowhere", "--out directory"]),
         (["export", "nowhere", "--mcap", "OUT", "--rate-hz", "-1"], ["--rate-hz is -1", "at most 1000"]),
     ],
