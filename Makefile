@@ -57,7 +57,7 @@ $(STAMP): pyproject.toml
 	echo "Setting up $(VENV) with $$("$$python" --version); the first time takes a few minutes."; \
 	if ! $(BIN)/python -c '' >/dev/null 2>&1; then "$$python" -m venv --clear $(VENV); fi; \
 	find fleet maps planners -name "*.nb[ic]" -delete; \
-	$(BIN)/python -m pip install --quiet --quiet --disable-pip-version-check --editable '.[dev,interop,mcap,notebook,rmf,ros,vda5050]'; \
+	$(BIN)/python -m pip install --quiet --quiet --disable-pip-version-check --editable '.[dev,interop,mcap,notebook,open_floor,rmf,ros,vda5050]'; \
 	echo "Compiling the kernels once, about half a minute."; \
 	out=$$(mktemp -d); \
 	$(BIN)/python -m fleet.demo --site cell --robots 1 --tasks 1 --duration 8 --out "$$out" >/dev/null; \

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable
 from benchmarks.harness import Row, Trial, grouped
 from benchmarks.interop.broken import measure_broken
 from benchmarks.interop.lif import measure_lif
+from benchmarks.interop.open_floor import measure_open_floor
 from benchmarks.interop.opentcs import measure_opentcs
 from benchmarks.interop.rmf import measure_rmf
 from benchmarks.interop.runs import measure_runs
@@ -21,6 +22,7 @@ GROUPS: dict[str, Callable[[Trial], Iterable[Row]]] = {
     "opentcs": measure_opentcs,
     "rmf": measure_rmf,
     "broken": measure_broken,
+    "open_floor": measure_open_floor,
 }
 
 BENCHMARK = grouped(

@@ -171,12 +171,19 @@ TABLETOP_COMMANDS = {
         "Let two Kukas bring parcels to one tray that has room for one arm, as soon after each other as they can.",
     ),
 }
+YARD_COMMANDS = {
+    "plan": Command(
+        "yard.plan.YardPlan",
+        "Plan the ways of cars on a floor without lanes, from an instance of CL-CBS to a schedule.",
+    ),
+}
 GROUPS = {
     "site": ("Check, list, generate, convert, export or import sites.", SITE_COMMANDS),
     "tabletop": (
         "Sort a table: a Kuka, a Panda with a tray, two Kukas; or let two share a tray.",
         TABLETOP_COMMANDS,
     ),
+    "yard": ("Cars on a floor without lanes: plan their ways.", YARD_COMMANDS),
 }
 """Words that have commands of their own."""
 

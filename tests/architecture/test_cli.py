@@ -39,6 +39,7 @@ REQUIRED = {
     "site export": ["small", "out.xml"],
     "site import": ["in.xml", "--out", "out.toml"],
     "why": ["car_0", "run"],
+    "yard plan": ["in.yaml"],
 }
 """Words without which a command has nothing to work on."""
 CHOICES = {

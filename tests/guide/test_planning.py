@@ -10,6 +10,7 @@ from tests.guide.pages import Block, each_block, run_block
 @each_block(
     "docs/guide/league.md",
     "docs/guide/plan.md",
+    "docs/guide/open_floor.md",
     "docs/guide/tabletop.md",
     "docs/guide/calibrate.md",
     "docs/guide/two_arms.md",

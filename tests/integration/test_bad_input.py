@@ -19,6 +19,7 @@ GOOD = "a,0,pick_1,drop_1,0.3,0.06\n"
 OWN = "tests.unit.planners.own_members"
 MQTT = "mqtt://127.0.0.1:1883"
 QUICK = ("--site", "cell", "--robots", "1", "--fidelity", "grid")
+SQUARE = str(Path(__file__).parents[2] / "docs" / "examples" / "open_floor" / "square.yaml")
 EVENT = "[[event]]\ntime_s = 1.0\n"
 CELL_PLAN = """
 ############
@@ -331,6 +332,11 @@ def test_a_refused_run_leaves_earlier_results_alone(tmp_path: Path, capsys: pyte
         (["serve", "--vda5050", MQTT, "--key", "nope.pem"], ["--certificate", "together with --key"]),
         (["serve", "--vda5050", MQTT, "--visualization", "-1"], ["--visualization is -1.0", "a number >= 0"]),
         (["serve", "--vda5050", "mqtt://far.example:1883", "--broker"], ["--broker is 'mqtt://far", "127.0.0.1:PORT"]),
+        (["yard", "plan", "nope.yaml"], ["nope.yaml: cannot be read", "an instance of CL-CBS"]),
+        (["yard", "plan", SQUARE, "--output", "OUT", "--cars", "9"], ["--cars is 9", "1 to 8, the agents of"]),
+        (["yard", "plan", SQUARE, "--output", "OUT", "--budget-s", "0"], ["--budget-s is 0", "a number > 0"]),
+        (["yard", "plan", SQUARE, "--output", SQUARE], ["--output is", "another file than the instance"]),
+        (["yard", "plan", SQUARE, "--output", "nowhere/x.yaml"], ["nowhere/x.yaml", "No such file"]),
         (["export", "nowhere", "--mcap", "OUT"], ["no run in nowhere", "--out directory"]),
         (["export", "nowhere", "--mcap", "OUT", "--rate-hz", "-1"], ["--rate-hz is -1", "at most 1000"]),
     ],

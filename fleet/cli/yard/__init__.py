@@ -1,0 +1,1 @@
+"""Commands of floors without lanes."""
