@@ -21,6 +21,7 @@ from fleet.robots.twist.inertial import InertialEstimator
 from fleet.robots.twist.motion import TwistMotion
 from fleet.robots.twist.spec import TwistSpec
 from fleet.world.bullet.cars import Cars
+from fleet.world.bullet.engine.client import Client
 from fleet.world.bullet.vehicles.floor import BareFloor
 from fleet.world.bullet.vehicles.legged import Legged
 from fleet.world.bullet.vehicles.skid_steered import SkidSteered
@@ -59,6 +60,13 @@ class VehicleBody(Protocol):
         """End its world."""
 
 
+class PhysicalVehicle(VehicleBody, Protocol):
+    """One in an engine."""
+
+    def seen(self) -> tuple[Client, int]:
+        """The connection and the body, to look at."""
+
+
 class VehicleControl(Protocol):
     """What steers one vehicle by its sensors."""
 
@@ -76,7 +84,7 @@ class VehicleControl(Protocol):
 class ProvenVehicle:
     """How a vehicle is put on the proving ground."""
 
-    physics: Callable[[float, float, np.random.Generator], VehicleBody]
+    physics: Callable[[float, float, np.random.Generator], PhysicalVehicle]
     """In an engine of its own; takes a load [kg], the floor's friction and a source of the errors of sensors."""
     kinematic: Callable[[], VehicleBody]
     control: Callable[[np.random.Generator], VehicleControl]
@@ -119,6 +127,10 @@ class PhysicalTwist:
             self._floor.step()
         poses, motions, leans = self.robots.reading()
         return VehicleState(pose=poses[0], motion=motions[0], lean=leans[0])
+
+    def seen(self) -> tuple[Client, int]:
+        """See `PhysicalVehicle`."""
+        return self._floor.client, self.robots.bodies[0]
 
     def push(self, dvx_mps: float, dvy_mps: float) -> None:
         """See `VehicleBody`."""
@@ -175,6 +187,10 @@ class PhysicalCar:
         _, (_, _, rate) = self._floor.client.getBaseVelocity(self._cars.bodies[0])
         moves = np.array([now.speeds[0], 0.0, rate])
         return VehicleState(pose=now.poses[0], motion=moves, lean=np.zeros(2), steering_rad=float(now.steering[0]))
+
+    def seen(self) -> tuple[Client, int]:
+        """See `PhysicalVehicle`."""
+        return self._floor.client, self._cars.bodies[0]
 
     def push(self, dvx_mps: float, dvy_mps: float) -> None:
         """See `VehicleBody`."""
