@@ -178,12 +178,12 @@ TABLETOP_COMMANDS = {
     ),
 }
 GROUPS = {
-    "robots": ("List robots, show one by itself, or fit its kinematic model to its physics.", ROBOT_COMMANDS),
     "site": ("Check, list, generate, convert, export or import sites.", SITE_COMMANDS),
     "tabletop": (
         "Sort a table: a Kuka, a Panda with a tray, two Kukas; or let two share a tray.",
         TABLETOP_COMMANDS,
     ),
+    "robots": ("List robots, show one by itself, or fit its kinematic model to its physics.", ROBOT_COMMANDS),
 }
 """Words that have commands of their own."""
 

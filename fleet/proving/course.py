@@ -11,6 +11,7 @@ import numpy as np
 from fleet.arrays import FloatArray
 from fleet.robots.pursuit import PathBuffer
 from fleet.robots.twist.path import Piece, arc, straight, turn
+from fleet.robots.twist.rejoin import turn_drive_turn
 
 _QUARTER_RAD = math.pi / 2
 RADIUS_M = 0.5
@@ -38,6 +39,8 @@ class Course:
 
     legs: tuple[Leg, ...]
     pieces: tuple[Piece, ...]
+    directions: tuple[int, ...]
+    """+1 forward, -1 reverse, one for each piece."""
     line: FloatArray
     """Poses x, y, yaw, shape (n, 3)."""
     line_s: FloatArray
@@ -48,34 +51,42 @@ class Course:
     @staticmethod
     def of(legs: tuple[Leg, ...]) -> Course:
         """Lay out legs one behind the other, from the origin along x."""
-        pose, pieces, begin, ends = np.zeros(3), [], 0.0, []
-        points, lengths = [pose.reshape(1, 3)], [np.zeros(1)]
+        pose, pieces = np.zeros(3), []
         for leg in legs:
             if leg.kind == "straight":
-                piece = straight(pose, leg.size)
+                pieces.append(straight(pose, leg.size))
             elif leg.kind == "curve":
-                piece = arc(pose, RADIUS_M, leg.size)
+                pieces.append(arc(pose, RADIUS_M, leg.size))
             else:
-                piece = turn(pose, leg.size)
-            pieces.append(piece)
-            points.append(piece[0][1:])
-            lengths.append(begin + piece[1][1:])
-            pose, begin = piece[0][-1], begin + float(piece[1][-1])
-            ends.append(begin)
-        return Course(
-            legs=legs,
-            pieces=tuple(pieces),
-            line=np.concatenate(points),
-            line_s=np.concatenate(lengths),
-            ends_s=np.array(ends),
+                pieces.append(turn(pose, leg.size))
+            pose = pieces[-1][0][-1]
+        return _joined(legs, tuple(pieces), (1,) * len(pieces))
+
+    @staticmethod
+    def back_to(goal: FloatArray) -> Course:
+        """The manoeuvre by which a robot that turns on the spot comes from the origin to a pose x, y, yaw."""
+        found = turn_drive_turn(np.zeros(3), goal)
+        if found is None:
+            raise ValueError(f"no manoeuvre to {goal.tolist()}; valid: a pose that nothing blocks")
+        legs = tuple(
+            Leg(kind="turn", size=float(points[-1, 2] - points[0, 2]))
+            if (points[0, :2] == points[-1, :2]).all()
+            else Leg(kind="straight", size=float(s[-1]))
+            for points, s in found.pieces
         )
+        return _joined(legs, found.pieces, found.directions)
+
+    @property
+    def way_m(self) -> float:
+        """How far the reference point goes [m]."""
+        return float(np.hypot(*np.diff(self.line[:, :2], axis=0).T).sum())
 
     def paths(self) -> PathBuffer:
         """The course as the path of one vehicle."""
         paths = PathBuffer(1)
         paths.reset(0, self.line[0])
-        for points, s in self.pieces:
-            paths.append(0, points, s)
+        for (points, s), direction in zip(self.pieces, self.directions, strict=True):
+            paths.append(0, points, s, direction)
         return paths
 
     def leg_at(self, progress_s: float) -> int:
@@ -91,6 +102,23 @@ class Course:
         square = np.maximum((step**2).sum(axis=1), 1e-12)
         share = np.clip(((place - a) * step).sum(axis=1) / square, 0.0, 1.0)
         return float(np.hypot(*(place - a - share[:, None] * step).T).min())
+
+
+def _joined(legs: tuple[Leg, ...], pieces: tuple[Piece, ...], directions: tuple[int, ...]) -> Course:
+    """Pieces one behind the other, the first of which begins at the origin."""
+    points, lengths, ends = [np.zeros((1, 3))], [np.zeros(1)], [0.0]
+    for piece, s in pieces:
+        points.append(piece[1:])
+        lengths.append(ends[-1] + s[1:])
+        ends.append(ends[-1] + float(s[-1]))
+    return Course(
+        legs=legs,
+        pieces=pieces,
+        directions=directions,
+        line=np.concatenate(points),
+        line_s=np.concatenate(lengths),
+        ends_s=np.array(ends[1:]),
+    )
 
 
 def _legs(*told: tuple[LegKind, float]) -> tuple[Leg, ...]:

@@ -48,7 +48,7 @@ class JointLoop:
             RANGE_SHARE * (limits.upper_rad - limits.lower_rad), SPEED_SHARE * limits.max_velocity_radps / rate
         )
         self.bench.drive.place(self._middle)
-        # Hulls of neighbours meet in every posture, those of links 6 and 8 of a Panda by 25 mm: they would lock its wrist.
+        # Hulls of neighbours meet in every posture; those of a Panda's links 6 and 8, by 25 mm, would lock its wrist.
         self.bench.step()
         client, body = self.bench.client, self.bench.body
         for point in client.getContactPoints(body, body):

@@ -8,14 +8,19 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from fleet.errors import ConfigError
+from fleet.proving.course import LANES, Course
 from fleet.proving.joint_loop import JointLoop
 from fleet.proving.sheets import RobotSheet, arm_name
 from fleet.proving.trial import TrialReport, drive, yaw_rate_error
-from fleet.proving.vehicles import VEHICLES, PhysicalVehicle
+from fleet.proving.vehicles import VEHICLES, PhysicalVehicle, VehicleControl
 from fleet.robots.standing import STANDING
 from fleet.world.bullet.vehicles.portrait import portrait
 from fleet.world.bullet.vehicles.standing import Standing
 
+BACK_TO = np.array([-0.3, 0.6, 0.3])
+"""Where a pushed robot's lane is, from the robot: x, y, yaw [m, rad]."""
+_PUSHED_AT_S = 6.0
 STAND_S = 10.0
 PUSH_NS = 3.0
 Rows = tuple[tuple[str, str], ...]
@@ -33,38 +38,59 @@ class Shown:
     """Whether it drove, or stood, as it should."""
 
 
-def show(sheet: RobotSheet, *, seed: int, load_kg: float = 0.0) -> Shown:
+@dataclass(frozen=True, kw_only=True)
+class ShowConfig:
+    """What a vehicle is to do."""
+
+    seed: int = 0
+    """Of its sensors' errors."""
+    load_kg: float = 0.0
+    """Of a parcel in its tray."""
+    lanes: bool = False
+    """Fifty metres of lanes instead of its course."""
+    push_mps: float = 0.0
+    """By how much a push changes its speed on the way, in a direction that the seed says."""
+
+
+def show(sheet: RobotSheet, config: ShowConfig) -> Shown:
     """Let a robot do what it can, alone.
 
-    Args:
-        sheet: The robot.
-        seed: Of its sensors' errors.
-        load_kg: Of a parcel in a vehicle's tray.
+    Raises:
+        ConfigError: It is to drive lanes and cannot turn on the spot.
     """
     if sheet.kind == "vehicle":
-        return _vehicle(sheet.name, seed, load_kg)
+        return _vehicle(sheet.name, config)
     if sheet.kind == "arm":
         return _arm(sheet.name)
     return _standing(sheet.name)
 
 
-def _vehicle(name: str, seed: int, load_kg: float) -> Shown:
+def _vehicle(name: str, config: ShowConfig) -> Shown:
     vehicle = VEHICLES[name]
-    posing = vehicle.physics(load_kg, 1.0, np.random.default_rng(seed))
+    if config.lanes and not vehicle.turns:
+        valid = ", ".join(each for each in VEHICLES if VEHICLES[each].turns)
+        raise ConfigError(f"--lanes with {name}, which cannot turn on the spot; valid: {valid}")
+    posing = _physics(name, config)
     try:
         for _ in range(20):
             posing.advance(np.zeros(2))
         picture = portrait(*posing.seen())
     finally:
         posing.close()
-    physics = drive(_physics(name, seed, load_kg), vehicle.control(np.random.default_rng(seed)), vehicle.course)
-    kinematic = drive(vehicle.kinematic(), vehicle.control(np.random.default_rng(seed)), vehicle.course)
+    course = LANES if config.lanes else vehicle.course
+    pushed = None
+    if config.push_mps:
+        angle = np.random.default_rng(config.seed).uniform(-math.pi, math.pi)
+        pushed = (_PUSHED_AT_S, config.push_mps * math.cos(angle), config.push_mps * math.sin(angle))
+    physics = drive(_physics(name, config), _control(name, config), course, pushed=pushed)
+    kinematic = drive(vehicle.kinematic(), _control(name, config), course)
     rows = [
-        ("course driven", "yes" if physics.arrived else "no"),
+        ("way driven", f"{course.way_m:.1f} m, to the dock" if physics.arrived else "no: it did not arrive"),
+        ("fell", "yes" if physics.fell else "no"),
         ("time, physics", f"{physics.time_s:.2f} s"),
         ("time, kinematic", f"{kinematic.time_s:.2f} s"),
         ("arrivals apart", f"{100 * arrivals_apart(physics, kinematic):.1f} % at most"),
-        ("mean speed", f"{physics.mean_speed_mps:.2f} m/s"),
+        ("mean speed", f"{course.way_m / physics.time_s:.2f} m/s"),
         ("off the course, straights", _mm(physics.straight_m)),
         ("off the course, curves", _mm(physics.curve_m)),
         ("off the course, turns on the spot", _mm(physics.turn_m)),
@@ -72,13 +98,19 @@ def _vehicle(name: str, seed: int, load_kg: float) -> Shown:
         ("greatest lean", f"{physics.lean_rad:.3f} rad"),
         ("commands beyond limits", f"{100 * physics.excess:.1f} %"),
     ]
-    if vehicle.steady:
-        rows.append(("yaw rate error, commands held", f"{100 * yaw_rate_error(vehicle, load_kg=load_kg):.1f} %"))
+    if vehicle.turns:
+        back = drive(_physics(name, config), _control(name, config), Course.back_to(BACK_TO))
+        rows.append(("back to a lane 0.6 m beside it", f"{back.time_s:.1f} s, {_mm(back.dock_m)} off"))
+        rows.append(("yaw rate error, commands held", f"{100 * yaw_rate_error(vehicle, load_kg=config.load_kg):.1f} %"))
     return Shown(picture=picture, figures=tuple(rows), ok=physics.arrived and kinematic.arrived)
 
 
-def _physics(name: str, seed: int, load_kg: float) -> PhysicalVehicle:
-    return VEHICLES[name].physics(load_kg, 1.0, np.random.default_rng(seed))
+def _physics(name: str, config: ShowConfig) -> PhysicalVehicle:
+    return VEHICLES[name].physics(config.load_kg, 1.0, np.random.default_rng(config.seed))
+
+
+def _control(name: str, config: ShowConfig) -> VehicleControl:
+    return VEHICLES[name].control(np.random.default_rng(config.seed))
 
 
 def arrivals_apart(one: TrialReport, other: TrialReport) -> float:

@@ -29,7 +29,6 @@ class TrialReport:
     """From the start to the dock."""
     arrivals_s: tuple[float, ...]
     """At the end of each leg."""
-    mean_speed_mps: float
     straight_m: float
     """Greatest distance from the course on straights."""
     curve_m: float
@@ -67,7 +66,7 @@ def drive(
     end_s = float(course.ends_s[-1])
     arrivals = np.full(len(course.legs), np.nan)
     off = {"straight": 0.0, "curve": 0.0, "turn": 0.0}
-    lean = excess = way = 0.0
+    lean = excess = 0.0
     arrived = fell = False
     rested = 0
     before = np.zeros(2)
@@ -80,14 +79,12 @@ def drive(
             command = control.command(state, paths, end_s, speed_cap_mps)
             excess = max(excess, control.excess(command, before))
             before = command
-            last = state
             state = body.advance(command)
             tick += 1
             progress = float(paths.progress[0])
             arrivals[np.isnan(arrivals) & (progress >= course.ends_s - 0.02)] = tick * TICK_S
             leg = course.legs[course.leg_at(progress)]
             off[leg.kind] = max(off[leg.kind], course.off(state.pose[:2], progress))
-            way += float(np.hypot(*(state.pose[:2] - last.pose[:2])))
             lean = max(lean, float(np.abs(state.lean).max()))
             fell = lean > FALLEN_RAD
             still = control.standing() and progress >= end_s - 0.02
@@ -103,7 +100,6 @@ def drive(
         fell=fell,
         time_s=time_s,
         arrivals_s=tuple(arrivals.tolist()),
-        mean_speed_mps=way / max(time_s, TICK_S),
         straight_m=off["straight"],
         curve_m=off["curve"],
         turn_m=off["turn"],

@@ -94,6 +94,11 @@ class ProvenVehicle:
     steady: tuple[tuple[float, float], ...]
     """Commands that are held for a while to see how exactly they are answered."""
 
+    @property
+    def turns(self) -> bool:
+        """Whether it can turn on the spot."""
+        return any(leg.kind == "turn" for leg in self.course.legs)
+
 
 class PhysicalTwist:
     """A robot that is told a speed and a yaw rate, in an engine.

@@ -63,7 +63,7 @@ def a1_spec() -> TwistSpec:
             max_lateral_mps2=0.5,
         ),
         # Fitted: python -m fleet robots fit a1
-        response=TwistResponse(speed_gain=1.005, speed_lag_s=0.036, yaw_gain=1.0, yaw_lag_s=0.018),
+        response=TwistResponse(speed_gain=1.0, speed_lag_s=0.022, yaw_gain=1.0, yaw_lag_s=0.015),
         visuals=(),
         sources={
             "mass_kg": f"12.46 kg of {_DESCRIPTION}, tray 0.3 kg",
@@ -77,7 +77,7 @@ def a1_spec() -> TwistSpec:
             "max_accel_mps2": _MEASURED,
             "max_brake_mps2": _MEASURED,
             "max_yaw_accel_radps2": _MEASURED,
-            "max_rim_mps": f"a stride of 12 cm at 2.5 Hz, {_MEASURED}",
+            "max_rim_mps": f"a stride of 10 cm at 3 Hz, {_MEASURED}",
             "lever_m": f"feet are 0.226 m from the middle in {_DESCRIPTION}",
             "max_lateral_mps2": _MEASURED,
         },

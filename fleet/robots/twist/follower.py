@@ -359,10 +359,9 @@ def _turn(paths: _Paths, state: _State, i: int, pose: FloatArray, stop_s: float,
         angle += wrapped(points[j + 1, 2] - points[j, 2])
     sign = 1.0 if angle >= 0.0 else -1.0
     angle = abs(angle)
-    # What is left is told by the end of the turn, which is at most half a turn away; so near to that, the way round
-    # that the path takes.
+    # What is left is told by the yaw at the end; beyond half a turn, by the way round that the path takes.
     left = sign * wrapped(points[last, 2] - pose[2])
-    if left < -0.5 * math.pi:
+    if left < min(angle - 1.75 * math.pi, -0.25 * math.pi):
         left += 2.0 * math.pi
     per_rad = (s[last] - s[k]) / angle
     done = min(max(1.0 - left / angle, 0.0), 1.0)

@@ -45,10 +45,12 @@ def arc(pose: FloatArray, radius_m: float, angle_rad: float) -> Piece:
 
 
 def turn(pose: FloatArray, angle_rad: float) -> Piece:
-    """Turn on the spot; a positive angle turns left, at most half a turn [rad]."""
-    points = np.array([pose, pose], dtype=np.float64)
-    points[1, 2] += angle_rad
-    return points, np.array([0.0, TURN_M_PER_RAD * abs(angle_rad)])
+    """Turn on the spot; a positive angle turns left, at most a full turn [rad]."""
+    # Yaws of neighbours tell which way round: they are less than half a turn apart.
+    shares = np.linspace(0.0, 1.0, max(2, math.ceil(abs(angle_rad)) + 1))
+    points = np.tile(np.asarray(pose, dtype=np.float64), (len(shares), 1))
+    points[:, 2] += shares * angle_rad
+    return points, TURN_M_PER_RAD * abs(angle_rad) * shares
 
 
 def _spaced(length_m: float) -> FloatArray:

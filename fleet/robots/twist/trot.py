@@ -35,14 +35,14 @@ class TrotConfig:
     """And so far beside it [m]."""
     height_m: float = 0.28
     """Of the hips above the feet [m]."""
-    lift_m: float = 0.06
+    lift_m: float = 0.05
     """How high a foot swings [m]."""
-    frequency_hz: float = 2.5
+    frequency_hz: float = 3.0
     """Cycles per second."""
-    speed_gain: float = 1.014
+    speed_gain: float = 1.045
     """Steps bring so many times the speed for which they are as long as they should be: measured on the A1, whose body
     goes on by itself between two steps."""
-    yaw_gain: float = 1.044
+    yaw_gain: float = 1.067
     """The same of the yaw rate."""
     ahead_per_mps: float = 0.0
     """Feet land so far ahead for each m/s that the body is faster than told [s]."""
@@ -188,7 +188,7 @@ def _trot(
                 floor_x = vx - rate * (_SIDES[leg] * place_y + foot[1])
                 floor_y = vy + rate * (_ENDS[leg] * place_x + foot[0])
                 own = (phase + _PHASES[leg]) % 1.0
-                if own < _DUTY:
+                if own <= _DUTY + 1e-9:  # up to its last moment on the floor
                     foot[0] -= floor_x * step
                     foot[1] -= floor_y * step
                     left[i, leg, 0], left[i, leg, 1] = foot[0], foot[1]
