@@ -84,7 +84,7 @@ def _racecar() -> RobotSheet:
     measured = "measured here; see the docstring of `racecar_spec`"
     sources = {
         "mass_kg": f"{description}, lidar and our tray",
-        "max_payload_kg": "what kept its place in the tray on all sites here",
+        "max_payload_kg": "chosen here: the heaviest parcel that an order may have",
         "wheelbase_m": description,
         "track_m": description,
         "wheel_radius_m": description,

@@ -29,6 +29,8 @@ REQUIRED = {
     "plan": ["--map", "in.map", "--scen", "in.scen"],
     "replay": ["run"],
     "report": ["run"],
+    "robots fit": ["husky"],
+    "robots show": ["husky"],
     "shot": ["run", "picture.png"],
     "view": ["run"],
     "site check": ["small"],

@@ -49,7 +49,20 @@ FAMILIES = [
         package="fleet.robots",
         tables=("CARS", "ARMS"),
         support=frozenset(
-            {"angle", "arm_kinds", "battery", "description", "estimator", "model", "panda", "pursuit", "spec", "tools"}
+            {
+                "angle",
+                "arm_kinds",
+                "battery",
+                "description",
+                "estimator",
+                "model",
+                "panda",
+                "pursuit",
+                "spec",
+                "standing",
+                "tools",
+                "twist",
+            }
         ),
         maker="spec",
     ),

@@ -26,7 +26,6 @@ ROLLERS = ("left_roller", "right_roller")
 # Wheel places, radius, masses and inertias: Clearpath's description. Its wheels' axle is y.
 _WHEEL_X_M, _WHEEL_Y_M = 0.256, 0.2854
 WHEEL_RADIUS_M = 0.17775
-_WHEEL_WIDTH_M = 0.1143
 _WHEEL_MASS_KG = 2.637
 _WHEEL_INERTIA = (0.02467, 0.04411)
 _CHASSIS_MASS_KG = 33.455
