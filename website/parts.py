@@ -14,6 +14,7 @@ from website.gallery import film
 from website.github import changelog
 from website.notebooks import notebooks
 from website.results import results
+from website.robots import robots
 
 if TYPE_CHECKING:  # of the extra `docs`, which tests of the parts do without
     from mkdocs.config.defaults import MkDocsConfig
@@ -50,6 +51,7 @@ PARTS: Mapping[str, Callable[[str, Place], str]] = MappingProxyType(
         "film": film,
         "notebooks": lambda word, place: notebooks(place),
         "results": lambda word, place: results(word, place.repository),
+        "robots": lambda word, place: robots(),
     }
 )
 """A part makes Markdown from the word behind its name, empty if there is none, and its place."""

@@ -138,6 +138,21 @@ COMMANDS = {
         "why.Why", "Say why a robot waited at some time of a run, why it had no task, or what became of an order."
     ),
 }
+ROBOT_COMMANDS = {
+    "list": Command(
+        "robots.list.RobotList",
+        "List the robots: kind, drive, footprint, mass, payload and limits.",
+        compiles=False,
+    ),
+    "show": Command(
+        "robots.show.RobotShow",
+        "Show a robot: its figures with their sources, a picture, and the loop that it drives alone, in physics.",
+    ),
+    "fit": Command(
+        "robots.fit.RobotFit",
+        "Fit the kinematic model of a robot to its physics; prints the values of its file beside the fitted ones.",
+    ),
+}
 SITE_COMMANDS = {
     "check": Command(
         "site.SiteCheck",
@@ -184,6 +199,7 @@ GROUPS = {
         TABLETOP_COMMANDS,
     ),
     "yard": ("Cars on a floor without lanes: plan their ways.", YARD_COMMANDS),
+    "robots": ("List robots, show one by itself, or fit its kinematic model to its physics.", ROBOT_COMMANDS),
 }
 """Words that have commands of their own."""
 

@@ -30,6 +30,8 @@ REQUIRED = {
     "plan": ["--map", "in.map", "--scen", "in.scen"],
     "replay": ["run"],
     "report": ["run"],
+    "robots fit": ["husky"],
+    "robots show": ["husky"],
     "serve": ["--vda5050", "mqtt://127.0.0.1:1883"],
     "shot": ["run", "picture.png"],
     "view": ["run"],

@@ -49,7 +49,20 @@ FAMILIES = [
         package="fleet.robots",
         tables=("CARS",),
         support=frozenset(
-            {"angle", "arms", "battery", "description", "errors", "estimator", "model", "pursuit", "spec", "tools"}
+            {
+                "angle",
+                "arms",
+                "battery",
+                "description",
+                "errors",
+                "estimator",
+                "model",
+                "pursuit",
+                "spec",
+                "standing",
+                "tools",
+                "twist",
+            }
         ),
         maker="spec",
     ),

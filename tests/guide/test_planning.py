@@ -16,6 +16,7 @@ from tests.guide.pages import Block, each_block, run_block
     "docs/guide/two_arms.md",
     "docs/guide/arm_bench.md",
     "docs/guide/notebooks.md",
+    "docs/guide/robots.md",
 )
 def test_block(block: Block, tmp_path: Path) -> None:
     run_block(block, tmp_path)

@@ -1,0 +1,239 @@
+"""Sheets: what each robot is, in figures with their sources."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from functools import partial
+from pathlib import Path
+from typing import Literal
+from xml.etree import ElementTree
+
+from fleet.errors import ConfigError
+from fleet.robots import CARS
+from fleet.robots.arm_kinds import arm_kind
+from fleet.robots.standing import STANDING, StandingRobot
+from fleet.robots.twist.a1 import a1_spec
+from fleet.robots.twist.husky import husky_spec
+from fleet.robots.twist.spec import TwistSpec
+from maps.reading.near import hint
+
+RobotKind = Literal["vehicle", "arm", "standing"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class SheetFigure:
+    """One number of a robot."""
+
+    name: str
+    value: str
+    """With its unit."""
+    source: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class RobotSheet:
+    """A robot in figures."""
+
+    name: str
+    kind: RobotKind
+    drive: str
+    footprint: str
+    """Length x width x height [m], or the reach of an arm."""
+    mass_kg: float
+    payload_kg: float | None
+    """None where the robot carries nothing here."""
+    limits: str
+    """The greatest speeds in a few words."""
+    figures: tuple[SheetFigure, ...]
+
+
+def robot_sheet(name: str) -> RobotSheet:
+    """Look up a robot.
+
+    Raises:
+        ConfigError: There is none of this name.
+    """
+    if name not in SHEETS:
+        valid = ", ".join(SHEETS)
+        raise ConfigError(f"robot {name!r}{hint(name, list(SHEETS))}; valid: {valid}")
+    return SHEETS[name]()
+
+
+_UNITS = {
+    "kg": "kg",
+    "m": "m",
+    "mps": "m/s",
+    "mps2": "m/s²",
+    "radps": "rad/s",
+    "radps2": "rad/s²",
+    "rad": "rad",
+}
+
+
+def _figure(field: str, value: float, source: str) -> SheetFigure:
+    """A figure from a field's name, which ends with its unit."""
+    words, _, unit = field.rpartition("_")
+    return SheetFigure(name=words.replace("_", " "), value=f"{value:.4g} {_UNITS[unit]}", source=source)
+
+
+def _racecar() -> RobotSheet:
+    spec = CARS["racecar"].spec()
+    description = "racecar/racecar.urdf in pybullet_data, the MIT RACECAR"
+    measured = "measured here; see the docstring of `racecar_spec`"
+    sources = {
+        "mass_kg": f"{description}, lidar and our tray",
+        "max_payload_kg": "chosen here: the heaviest parcel that an order may have",
+        "wheelbase_m": description,
+        "track_m": description,
+        "wheel_radius_m": description,
+        "front_m": "the box about chassis, wheels and bumpers",
+        "rear_m": "the same box",
+        "half_width_m": "the same box",
+        "height_m": "top of our tray",
+        "max_speed_mps": measured,
+        "max_accel_mps2": measured,
+        "max_brake_mps2": measured,
+        "max_steering_rad": f"stops of the hinges in {description}, less a margin",
+        "max_steering_rate_radps": "a hobby servo, 0.17 s for 60 degrees, derated by a third",
+    }
+    return RobotSheet(
+        name="racecar",
+        kind="vehicle",
+        drive="ackermann",
+        footprint=_box(spec.front_m + spec.rear_m, 2 * spec.half_width_m, spec.height_m),
+        mass_kg=spec.mass_kg,
+        payload_kg=spec.max_payload_kg,
+        limits=f"{spec.max_speed_mps:g} m/s, steering {spec.max_steering_rad:g} rad",
+        figures=tuple(_figure(field, getattr(spec, field), source) for field, source in sources.items()),
+    )
+
+
+def _twist(spec: TwistSpec) -> RobotSheet:
+    limits = {field.name: getattr(spec.limits, field.name) for field in fields(spec.limits)}
+    numbers = {**vars(spec), **limits}
+    return RobotSheet(
+        name=spec.name,
+        kind="vehicle",
+        drive=spec.drive,
+        footprint=_box(spec.front_m + spec.rear_m, 2 * spec.half_width_m, spec.height_m),
+        mass_kg=spec.mass_kg,
+        payload_kg=spec.max_payload_kg,
+        limits=f"{spec.limits.max_speed_mps:g} m/s, {turning_radps(spec):.2g} rad/s",
+        figures=tuple(_figure(field, numbers[field], source) for field, source in spec.sources.items()),
+    )
+
+
+def turning_radps(spec: TwistSpec) -> float:
+    """How fast a robot may turn on the spot [rad/s]."""
+    return min(spec.limits.max_yaw_rate_radps, spec.limits.max_rim_mps / spec.limits.lever_m)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Arm:
+    """What no description says of an arm."""
+
+    kind: str
+    """Name that `arm_kind` knows."""
+    payload_kg: float
+    reach_m: float
+    source: str
+
+
+_ARMS = {
+    "iiwa": _Arm(kind="iiwa", payload_kg=14.0, reach_m=0.82, source="KUKA, LBR iiwa data sheet, LBR iiwa 14 R820"),
+    "panda": _Arm(kind="panda", payload_kg=3.0, reach_m=0.855, source="Franka Emika, Panda data sheet"),
+    "xarm6": _Arm(kind="xarm", payload_kg=5.0, reach_m=0.7, source="UFACTORY, xArm 6 user manual"),
+}
+
+
+def arm_name(name: str) -> str:
+    """The name by which `arm_kind` knows a robot of the table."""
+    return _ARMS[name].kind
+
+
+def _arm(name: str) -> RobotSheet:
+    told, kind = _ARMS[name], arm_kind(_ARMS[name].kind)
+    mass = described_mass_kg(kind.path)
+    described = f"{kind.path.parent.name}/{kind.path.name} in pybullet_data"
+    speeds, torques = kind.max_velocity_radps, kind.max_torque_nm
+    n = len(speeds)
+    figures = (
+        SheetFigure(name="joints", value=str(n), source=described),
+        SheetFigure(name="mass", value=f"{mass:.4g} kg", source=described),
+        SheetFigure(name="max payload", value=f"{told.payload_kg:g} kg", source=told.source),
+        SheetFigure(name="reach", value=f"{told.reach_m:g} m", source=told.source),
+        SheetFigure(name="max speed", value=_range(speeds, "rad/s"), source=told.source),
+        SheetFigure(
+            name="max acceleration",
+            value=_range(kind.max_acceleration_radps2, "rad/s²"),
+            source="see `fleet.robots.arm_kinds` and `fleet.robots.iiwa`",
+        ),
+        SheetFigure(name="max torque", value=_range(torques, "N m"), source=told.source),
+    )
+    return RobotSheet(
+        name=name,
+        kind="arm",
+        drive=f"{n} joints",
+        footprint=f"reach {told.reach_m:g}",
+        mass_kg=mass,
+        payload_kg=told.payload_kg,
+        limits=_range(speeds, "rad/s"),
+        figures=figures,
+    )
+
+
+def _stands(robot: StandingRobot) -> RobotSheet:
+    described = f"{robot.path.parent.name}/{robot.path.name} in pybullet_data"
+    mass = described_mass_kg(robot.path)
+    here = "chosen here, so that it stands"
+    return RobotSheet(
+        name=robot.name,
+        kind="standing",
+        drive="legged",
+        footprint="-",
+        mass_kg=mass,
+        payload_kg=None,
+        limits=f"{robot.torque_nm:g} N m a joint",
+        figures=(
+            SheetFigure(name="maker", value=robot.maker, source=described),
+            SheetFigure(name="mass", value=f"{mass:.4g} kg", source=described),
+            SheetFigure(name="max torque", value=f"{robot.torque_nm:g} N m", source=f"{described}, or {here}"),
+            SheetFigure(name="position gain", value=f"{robot.gains[0]:g}", source=here),
+            SheetFigure(name="velocity gain", value=f"{robot.gains[1]:g}", source=here),
+            SheetFigure(name="physics step", value=f"1/{1 / robot.step_s:.0f} s", source=here),
+            SheetFigure(name="solver iterations", value=str(robot.n_iterations), source=here),
+        ),
+    )
+
+
+def described_mass_kg(path: Path) -> float:
+    """Sum of the masses of a description [kg]; links without one have none."""
+    # Some comments of pybullet_data are no XML.
+    text = path.read_text(encoding="utf-8", errors="replace")
+    try:
+        root = ElementTree.fromstring(text)
+    except ElementTree.ParseError:
+        root = ElementTree.fromstring(text[: text.index("</robot>") + len("</robot>")])
+    return sum(float(mass.get("value", "0")) for mass in root.iter("mass"))
+
+
+def _range(values: object, unit: str) -> str:
+    numbers = [float(value) for value in values]  # type: ignore[attr-defined]
+    low, high = min(numbers), max(numbers)
+    return f"{low:.3g} {unit}" if math.isclose(low, high) else f"{low:.3g} to {high:.3g} {unit}"
+
+
+def _box(length: float, width: float, height: float) -> str:
+    return f"{length:.2f} x {width:.2f} x {height:.2f}"
+
+
+SHEETS: dict[str, Callable[[], RobotSheet]] = {
+    "racecar": _racecar,
+    "husky": lambda: _twist(husky_spec()),
+    "a1": lambda: _twist(a1_spec()),
+    **{name: partial(_arm, name) for name in _ARMS},
+    **{name: partial(_stands, robot) for name, robot in STANDING.items()},
+}
+"""A sheet of every robot, by name."""
