@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,7 +14,7 @@ import numpy.typing as npt
 
 from maps.errors import MapsError
 from maps.grid import DCOL, DROW, GridMap
-from maps.vehicle import ENTRY_INSET_M, TURN_RADIUS_M
+from maps.vehicle import ENTRY_INSET_M, TURN_RADIUS_M, Footprint
 
 if TYPE_CHECKING:  # heavy, and most users of a lane graph need neither
     import networkx as nx
@@ -84,7 +85,7 @@ class LaneGraph:
     """Moves entering state s: in_move[in_ptr[s]:in_ptr[s + 1]]."""
     swept_ptr: Ints
     swept_cell: Ints
-    """Cells the body touches during move m: swept_cell[swept_ptr[m]:swept_ptr[m + 1]], from cell first."""
+    """Cells the body touches during move m: swept_cell[swept_ptr[m]:swept_ptr[m + 1]], from and to cell first."""
     path_ptr: Ints
     path_points: Floats
     """x, y [m], yaw [rad] along move m, both ends included; yaw is continuous from the from state's yaw."""
@@ -132,15 +133,22 @@ class LaneGraph:
         return graph
 
 
-def build_lane_graph(site: Site, motion: Literal["carlike"] = "carlike") -> LaneGraph:
+def build_lane_graph(
+    site: Site, motion: Literal["carlike"] = "carlike", footprint: Footprint | None = None
+) -> LaneGraph:
     """Build the car-like graph of a site: one state per lane, moves straight, left, right (and reverse if allowed).
 
     A turn is straight, quarter circle of 0.4 m radius, straight; it is left out where a straight part would be
     negative, so a dock whose stop pose lies deeper in its cell has only its straight exit.
 
+    A vehicle stands in one cell, and may sweep more than two on its way from one to the next. Moves that are too tight
+    for it, that sweep cells without a lane, or that begin or end where its body does not fit into the cell, are left
+    out; a state that so loses all of its moves is still there.
+
     Args:
         site: The site; `grid_lane_graph` serves bare grids.
         motion: Only "carlike".
+        footprint: Of the vehicle; None = the usual car's, whose moves sweep two cells each.
 
     Raises:
         MotionError: Another motion model is asked for, or the cells are too small for the turning circle.
@@ -187,9 +195,15 @@ def build_lane_graph(site: Site, motion: Literal["carlike"] = "carlike") -> Lane
         moves.append(np.column_stack((source, to[source], np.full(len(source), REVERSE))))
     move = np.concatenate(moves)
     move = move[np.lexsort((move[:, 2], move[:, 0]))]
+    beside = None
+    if footprint is not None:
+        drivable: npt.NDArray[np.bool_] = np.asarray((index >= 0).any(axis=1))
+        swept = [_beside(row, cell, heading, offset, grid, footprint) for row in move.tolist()]
+        fits = np.array([cells is not None and bool(drivable[cells].all()) for cells in swept], dtype=np.bool_)
+        move, beside = move[fits], [cells for cells in swept if cells is not None and drivable[cells].all()]
 
     length, paths = _carlike_paths(move, pose, offset, cell_m)
-    return _assemble("carlike", cell, heading, pose, index, move, length, paths)
+    return _assemble("carlike", cell, heading, pose, index, move, length, paths, beside)
 
 
 def states_of_lanes(graph: LaneGraph, lanes: Ints, grid: GridMap) -> Ints:
@@ -265,6 +279,50 @@ def _step(cell: npt.NDArray[Any], heading: npt.NDArray[Any], grid: GridMap) -> n
     return np.where(inside, row * grid.cols + col, -1)
 
 
+def _beside(
+    move: list[int],
+    cell: npt.NDArray[Any],
+    heading: npt.NDArray[Any],
+    offset: Floats,
+    grid: GridMap,
+    footprint: Footprint,
+) -> list[int] | None:
+    """Cells that a body sweeps on a move (from, to, kind) beside those of its ends; None if the move is not for it."""
+    begin, end, kind = move
+    deep = [round(float(offset[state]), 9) for state in (begin, end)]
+    ahead = _ahead_of(MoveKind(kind), deep[0], deep[1], grid.cell_m, footprint)
+    if ahead is None:
+        return None
+    row, col = grid.row_col(int(cell[begin]))
+    turn = int(heading[begin])
+    cos, sin = ((1, 0), (0, 1), (-1, 0), (0, -1))[turn]
+    cells = []
+    for along, left in ahead:
+        there = (row - (sin * along + cos * left), col + cos * along - sin * left)
+        if not (0 <= there[0] < grid.rows and 0 <= there[1] < grid.cols):
+            return None
+        cells.append(int(grid.index(*there)))
+    return [other for other in cells if other not in (cell[begin], cell[end])]
+
+
+@functools.lru_cache(maxsize=256)
+def _ahead_of(
+    kind: MoveKind, offset_from: float, offset_to: float, cell_m: float, footprint: Footprint
+) -> tuple[tuple[int, int], ...] | None:
+    """Cells that a body sweeps on a kind of move, along the first heading and to the left of it from the first cell.
+
+    None if the move is too tight, or the body does not stand in one cell before or after it.
+    """
+    turns = kind in (LEFT, RIGHT)
+    if turns and footprint.turn_radius_m > TURN_RADIUS_M + _TOLERANCE_M:
+        return None
+    points, _ = _template(kind, offset_from, offset_to, cell_m)
+    at = points + np.array([ENTRY_INSET_M + offset_from - cell_m / 2, 0.0, 0.0])
+    if any(len(footprint.cells(at[[k]], cell_m)) > 1 for k in (0, -1)):
+        return None
+    return tuple(sorted(footprint.cells(at, cell_m)))
+
+
 def _carlike_paths(move: npt.NDArray[np.int64], pose: Floats, offset: Floats, cell_m: float) -> tuple[Floats, _Paths]:
     """Length and samples of every move; moves alike in kind and stop offsets share one template, moved rigidly."""
     deep_from, deep_to = np.round(offset[move[:, 0]], 9), np.round(offset[move[:, 1]], 9)
@@ -328,7 +386,9 @@ def _assemble(
     move: npt.NDArray[np.int64],
     length: Floats,
     paths: _Paths,
+    beside: list[list[int]] | None = None,
 ) -> LaneGraph:
+    """The graph of states and moves; `beside` are cells that each move sweeps beside those of its ends."""
     n_states = len(cell)
     path_ptr, path_points, path_s = paths
     swept = np.column_stack((cell[move[:, 0]], cell[move[:, 1]]))
@@ -336,6 +396,11 @@ def _assemble(
     in_ptr, in_move = _csr(move[:, 1], n_states)
     moved = swept[:, 0] != swept[:, 1]  # a turn on the spot sweeps one cell
     keep = np.column_stack((np.ones(len(move), dtype=np.bool_), moved))
+    n_most = max(map(len, beside or ()), default=0)
+    more = np.full((len(move), n_most), -1, dtype=np.int64)
+    for k, cells in enumerate(beside or ()):
+        more[k, : len(cells)] = cells
+    swept, keep = np.column_stack((swept, more)), np.column_stack((keep, more >= 0))
     arrays: dict[str, npt.NDArray[Any]] = {
         "state_cell": cell.astype(np.int32),
         "state_heading": heading.astype(np.int8),

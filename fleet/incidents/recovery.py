@@ -361,7 +361,7 @@ class Recovery:
         run = self._run
         dependencies, graph = run.executor.dependencies, run.graph
         pose = run.driver.estimate[car]
-        ground = self._cells_of(pose[None])
+        ground = self._cells_of(car, pose[None])
         dependencies.unreserve(car)
         own = [cell for cell in ground if dependencies.reserve(car, (cell,))]
         states = np.flatnonzero(np.isin(graph.state_cell, own))
@@ -380,7 +380,7 @@ class Recovery:
         """Let nobody into the cells a car has come to stand in; those who were granted one already have to wait."""
         dependencies = self._run.executor.dependencies
         halted = set()
-        for cell in self._cells_of(driver.estimate[car][None]):
+        for cell in self._cells_of(car, driver.estimate[car][None]):
             if not dependencies.reserve(car, (cell,)):
                 halted |= {other for other in self._others(car) if cell in dependencies.held_cells(other)}
         before, stopped.halted = stopped.halted, halted - self._rejoining.keys() - self._wrecks.keys()
@@ -415,7 +415,7 @@ class Recovery:
             return
         rejoin.target, way = found
         self._lay_out(driver, car, way)
-        spec = run.scene.car
+        spec = run.scene.cars[car]
         turns_s = 2.0 * spec.max_steering_rad / spec.max_steering_rate_radps  # from lock to lock
         rejoin.stage, rejoin.starts_tick = _Stage.DRIVING, tick + round(turns_s / run.tick_s)
         run.events.log("rejoin", car=f"car_{car}", state=rejoin.target, length_m=round(way.length_m, 2))
@@ -469,7 +469,7 @@ class Recovery:
                 )
                 if not way.solved:
                     continue
-                cells = [cell for cell in self._cells_of(way.poses) if cell not in room.ground]
+                cells = [cell for cell in self._cells_of(car, way.poses) if cell not in room.ground]
                 if run.executor.dependencies.reserve(car, cells):
                     return state, way
         return None
@@ -532,9 +532,9 @@ class Recovery:
         order = np.lexsort((near, distance[near] + 0.5 * turn[near]))
         return near[order][:N_STATES].tolist()
 
-    def _cells_of(self, poses: FloatArray) -> list[int]:
-        """Cells under the body at any of the poses."""
+    def _cells_of(self, car: int, poses: FloatArray) -> list[int]:
+        """Cells under the body of a car at any of the poses."""
         grid = self._run.site.grid
-        row, col = cell_of(outline(poses, self._run.scene.car, 0.0).reshape(-1, 2), grid.rows, grid.cell_m)
+        row, col = cell_of(outline(poses, self._run.scene.cars[car], 0.0).reshape(-1, 2), grid.rows, grid.cell_m)
         on_map = (row >= 0) & (row < grid.rows) & (col >= 0) & (col < grid.cols)
         return np.unique((row * grid.cols + col)[on_map]).tolist()

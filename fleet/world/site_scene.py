@@ -6,14 +6,15 @@ import numpy as np
 
 from fleet.arrays import BoolArray, FloatArray
 from fleet.config import ArmConfig, Grip
-from fleet.robots import ARMS, CARS
+from fleet.robots import ARMS
+from fleet.robots.cars.models import CarModels, usual_car
 from fleet.robots.tools import TOOLS
 from fleet.world.scene import Scene, StaticBox
 from maps.grid import GridMap
 from maps.site import Site
 
-CAR, ARM = "racecar", "iiwa14"
-"""Robots of a site, as in `fleet.robots`."""
+ARM = "iiwa14"
+"""Arms of a site, as in `fleet.robots`."""
 WALL_HEIGHT_M = 0.6
 """Low, so that a viewer looks over the walls; higher than a loaded car."""
 SHELF_HEIGHT_M = 1.2
@@ -22,7 +23,13 @@ SHELF_GAP_M = 0.03
 """Kept free around a shelf inside its cells [m]."""
 
 
-def scene_of(site: Site, car_start: FloatArray, grip: Grip, arms: ArmConfig | None = None) -> Scene:
+def scene_of(
+    site: Site,
+    car_start: FloatArray,
+    grip: Grip,
+    arms: ArmConfig | None = None,
+    cars: CarModels | None = None,
+) -> Scene:
     """Build the scene of a site.
 
     Args:
@@ -30,6 +37,7 @@ def scene_of(site: Site, car_start: FloatArray, grip: Grip, arms: ArmConfig | No
         car_start: Rear-axle poses, shape (n_cars, 3).
         grip: Decides the arms' tool.
         arms: May set other speed limits than the real arm's.
+        cars: Models of the cars; None = the usual one.
 
     Returns:
         Walls and shelves merged into as few boxes as rectangles allow, a pedestal for every slot, robots at their
@@ -49,8 +57,9 @@ def scene_of(site: Site, car_start: FloatArray, grip: Grip, arms: ArmConfig | No
     return Scene(
         size_m=(site.grid.cols * site.grid.cell_m, site.grid.rows * site.grid.cell_m),
         boxes=tuple(boxes),
-        car=CARS[CAR].spec(),
+        car_kinds=cars.kinds if cars else (usual_car(),),
         car_start=car_start,
+        car_kind_of=cars.kind_of if cars else None,
         arm=arm,
         arm_base=np.array([station.arm.pose for station in site.stations]).reshape(-1, 4),
         arm_start=np.tile(arm.home_rad, (len(site.stations), 1)),

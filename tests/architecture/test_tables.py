@@ -47,10 +47,15 @@ FAMILIES = [
     ),
     Family(
         package="fleet.robots",
-        tables=("CARS", "ARMS"),
-        support=frozenset(
-            {"angle", "arm_kinds", "battery", "description", "estimator", "model", "panda", "pursuit", "spec", "tools"}
-        ),
+        tables=("ARMS",),
+        support=frozenset({"angle", "arm_kinds", "battery", "cars", "description", "estimator", "model", "panda"})
+        | {"pursuit", "spec", "tools"},
+        maker="spec",
+    ),
+    Family(
+        package="fleet.robots.cars",
+        tables=("CARS",),
+        support=frozenset({"ackermann_body", "models"}),
         maker="spec",
     ),
     Family(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 import rerun as rr
@@ -24,6 +25,7 @@ from fleet.recording.rerun_stream.poses import (
     snapped,
 )
 from fleet.recording.rerun_stream.scenery import log_part, log_tags
+from fleet.robots.spec import CarSpec
 from fleet.world.scene import Scene
 
 CAR_BODIES = f"world/cars/{BODY}"
@@ -35,6 +37,15 @@ _FEW_CARS = 8
 """Of more cars than this nobody sees the wheels turn: they are drawn as a part of the body."""
 _TRAIL_S, _TRAIL_STEP_S = 5.0, 0.5
 """Length of a trail, and time between its points [s]."""
+
+
+class _DrawnModel(NamedTuple):
+    """The cars of one model."""
+
+    spec: CarSpec
+    cars: IntArray
+    parts: list[tuple[str, Part]]
+    """Their entities and what is drawn there."""
 
 
 class DrawnBodies:
@@ -52,11 +63,17 @@ class DrawnBodies:
         self._scene = scene
         n_cars, n_arms = len(scene.car_start), len(scene.arm_base)
         self._wheels = n_cars <= _FEW_CARS
-        self._car_parts = self._opened("world/cars", car_parts(scene.car, wheels=self._wheels) if n_cars else ())
+        models, self._models = scene.cars, list[_DrawnModel]()
+        for kind, spec in enumerate(models.kinds if n_cars else ()):
+            cars = np.flatnonzero(models.kind_of == kind)
+            root = f"world/cars/{spec.name}" if kind else "world/cars"
+            parts = self._opened(root, car_parts(spec, wheels=self._wheels))
+            self._models.append(_DrawnModel(spec, cars, parts))
+            log_tags(rec, f"{root}/{BODY}", cars.tolist(), n_cars, spec)
+        self._wheel_radius_m = models.each("wheel_radius_m")
         self._arm_parts = self._opened("world/arms", arm_parts(scene.arm) if n_arms else ())
         self._chain = ArmChain(scene.arm)
         self._place_bases()
-        log_tags(rec, CAR_BODIES, n_cars, scene.car)
         self._arm_q: FloatArray | None = None
         self._wheel_angle: FloatArray = np.zeros(n_cars)
         self._rolled_s: float | None = None
@@ -93,20 +110,22 @@ class DrawnBodies:
         self._arm_parts = [(path, part) for path, part in self._arm_parts if part.link != _BASE]
 
     def _write_cars(self, frames: Sequence[Frame], index: list[Times]) -> None:
-        if not self._car_parts:
+        if not self._models:
             return
         poses = _stacked([frame.car_poses for frame in frames])
         steering = _stacked([frame.car_steering for frame in frames])
         rolled = self._rolled(frames) if self._wheels else steering
-        links = car_link_poses(self._scene.car, poses, steering, rolled, wheels=self._wheels)
-        for path, part in self._car_parts:
-            self._chunks.add(path, index, _instances(*links[part.link]))
+        for spec, cars, parts in self._models:
+            own = (poses[:, cars], steering[:, cars], rolled[:, cars])
+            links = car_link_poses(spec, *own, wheels=self._wheels)
+            for path, part in parts:
+                self._chunks.add(path, index, _instances(*links[part.link]))
 
     def _rolled(self, frames: Sequence[Frame]) -> FloatArray:
         """How far the wheels have turned by what the cars have driven [rad], shape (f, n_cars)."""
         times_s = np.array([frame.sim_s for frame in frames])
         steps_s = np.diff(times_s, prepend=times_s[0] if self._rolled_s is None else self._rolled_s)
-        turns = _stacked([frame.car_speeds for frame in frames]) * steps_s[:, None] / self._scene.car.wheel_radius_m
+        turns = _stacked([frame.car_speeds for frame in frames]) * steps_s[:, None] / self._wheel_radius_m
         angles = self._wheel_angle + np.cumsum(turns, axis=0)
         self._wheel_angle, self._rolled_s = angles[-1], frames[-1].sim_s
         return angles

@@ -13,7 +13,6 @@ import numpy as np
 
 from fleet.arrays import FloatArray
 from fleet.config import RunConfig
-from fleet.robots import racecar_spec
 from fleet.robots.spec import ArmSpec
 from fleet.robots.tools import TOOLS
 from fleet.stations.arms.arm_cell import ArmCell
@@ -119,7 +118,7 @@ class LocalArmPlanner:
         self._planners: dict[int, CellPlanner] = {}
         self._known: dict[bytes, KnownWays] = {}
         self._setup = setup
-        self._arm, self._car = planned_arm(setup.spec, TOOLS[setup.tool]), racecar_spec()
+        self._arm = planned_arm(setup.spec, TOOLS[setup.tool])
         self._engine: EngineConfirm | None = None
         if setup.confirm:
             # Only here, so that worlds without physics never load the engine.
@@ -161,7 +160,7 @@ class LocalArmPlanner:
 
     def _planner_of(self, cell: ArmCell, known: KnownWays | None = None) -> CellPlanner:
         search = Search(self._setup.planner, self._setup.n_iterations)
-        return CellPlanner(cell, self._arm, self._car, search, known=known, confirm=self._engine)
+        return CellPlanner(cell, self._arm, cell.car, search, known=known, confirm=self._engine)
 
     def wait_ready(self) -> None:
         """Nothing to wait for: see the constructor."""
