@@ -212,6 +212,15 @@ def test_a_type_of_task(tree: Copy, row: Row, repository: Path) -> None:
     assert (result["tasks_done"], result["visits_done"]) == (1, 1)
 
 
+@of_part("car")
+def test_a_car(tree: Copy, row: Row, repository: Path) -> None:
+    text = (repository / "tests" / "hauler.py").read_text(encoding="utf-8")
+    tree.add(row, text, name="hauler", line='"hauler": "fleet.robots.cars.hauler",')
+    tree.run("-m", "fleet", "demo", "--fidelity", "grid", "--no-record", "--cars", "hauler:1,racecar:1")
+    shutil.copy(repository / "tests" / "contract" / "test_robots.py", tree.root)
+    assert "3 passed" in tree.run("-m", "pytest", "-q", "-k", "hauler", "test_robots.py")
+
+
 @of_part("site")
 def test_a_site(tree: Copy, row: Row, repository: Path) -> None:
     # Without what the page says of single stations: docks of sites that ship stand where the plan has them.
@@ -257,7 +266,7 @@ def test_every_row_of_the_guide_is_tested(repository: Path) -> None:
     ]
     found = rows(repository)
     assert set(marked) == set(found)
-    assert len(found) == 7
+    assert len(found) == 8
 
 
 def test_every_file_that_the_guide_names_is_there(repository: Path) -> None:

@@ -55,7 +55,7 @@ FAMILIES = [
     Family(
         package="fleet.robots.cars",
         tables=("CARS",),
-        support=frozenset({"ackermann_body", "models"}),
+        support=frozenset({"ackermann_body", "models", "words"}),
         maker="spec",
     ),
     Family(
