@@ -139,6 +139,8 @@ def test_every_option_of_the_demo_takes_another_value() -> None:
         "--askew",
         "--workers",
         "2",
+        "--cars",
+        "some:2",
         "--planner-setting",
         "impatience=2",
         "--planner-setting=impatience=3",
