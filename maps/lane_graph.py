@@ -27,6 +27,7 @@ _Paths = tuple[npt.NDArray[np.int64], Floats, Floats]  # path_ptr, path_points, 
 SmallInts = npt.NDArray[np.int8]
 
 _TOLERANCE_M = 1e-9
+_FLOATS = ("state_pose", "move_length", "path_points", "path_s")
 SAMPLE_STEP_M = 0.05
 """Largest distance between neighbouring path samples of a car-like move [m]."""
 
@@ -91,13 +92,29 @@ class LaneGraph:
     """x, y [m], yaw [rad] along move m, both ends included; yaw is continuous from the from state's yaw."""
     path_s: Floats
     """Arc length from the start of the move [m], one per path point."""
+    n_kinds: int = 1
+    """Kinds of vehicles that have states of their own: state s of the first one is s + k S / n_kinds of the k-th."""
 
     @property
     def n_moves(self) -> int:
         return len(self.move_from)
 
+    @property
+    def n_places(self) -> int:
+        """States of each kind of vehicle."""
+        return self.n_states // self.n_kinds
+
+    def place_of(self, state: int) -> int:
+        """The state of the first kind of vehicles with the same cell and heading."""
+        return state % self.n_places
+
+    def states_like(self, state: int) -> range:
+        """States of the kind of vehicles that a state is of."""
+        first = state - self.place_of(state)
+        return range(first, first + self.n_places)
+
     def state_at(self, cell: int, heading: int) -> int:
-        """State of a cell and heading, or -1 if no lane enters the cell so."""
+        """State of a cell and heading, or -1 if no lane enters the cell so; of several kinds, that of the first."""
         return int(self.state_index[cell, heading])
 
     def states_of_cell(self, cell: int) -> Ints:
@@ -204,6 +221,45 @@ def build_lane_graph(
 
     length, paths = _carlike_paths(move, pose, offset, cell_m)
     return _assemble("carlike", cell, heading, pose, index, move, length, paths, beside)
+
+
+def side_by_side(graphs: Sequence[LaneGraph]) -> LaneGraph:
+    """Put the graphs of several kinds of vehicles over the same cells into one.
+
+    Each kind has states and moves of its own, and no move leads from one kind's states to another's. Cells are those of
+    all: who holds a cell keeps out vehicles of every kind.
+
+    Args:
+        graphs: Of the same site, with the same states; the first one's are what cells and headings name.
+    """
+    if len(graphs) == 1:
+        return graphs[0]
+    n, first = len(graphs), graphs[0]
+    n_states, n_moves = first.n_states, np.cumsum([0, *(graph.n_moves for graph in graphs)])
+    state_ids = np.arange(n) * n_states
+
+    def shifted(name: str, shifts: npt.NDArray[np.int64]) -> npt.NDArray[Any]:
+        each = [getattr(graph, name) + shift for graph, shift in zip(graphs, shifts.tolist(), strict=True)]
+        return np.concatenate(each).astype(getattr(first, name).dtype)
+
+    def chained(name: str) -> npt.NDArray[Any]:
+        lengths = np.concatenate([np.diff(getattr(graph, name)) for graph in graphs])
+        return np.concatenate(([0], np.cumsum(lengths))).astype(getattr(first, name).dtype)
+
+    nothing = np.zeros(n, dtype=np.int64)
+    arrays = {name: shifted(name, nothing) for name in ("state_cell", "state_heading", "move_kind", "swept_cell")}
+    arrays |= {name: np.concatenate([getattr(graph, name) for graph in graphs]) for name in _FLOATS}
+    arrays |= {name: shifted(name, state_ids) for name in ("move_from", "move_to")}
+    arrays |= {name: shifted(name, n_moves[:-1]) for name in ("out_move", "in_move")}
+    arrays |= {name: chained(name) for name in ("out_ptr", "in_ptr", "swept_ptr", "path_ptr")}
+    return LaneGraph(
+        motion=first.motion,
+        n_states=n * n_states,
+        n_cells=first.n_cells,
+        state_index=first.state_index,
+        n_kinds=n,
+        **arrays,
+    )
 
 
 def states_of_lanes(graph: LaneGraph, lanes: Ints, grid: GridMap) -> Ints:

@@ -364,7 +364,8 @@ class Recovery:
         ground = self._cells_of(car, pose[None])
         dependencies.unreserve(car)
         own = [cell for cell in ground if dependencies.reserve(car, (cell,))]
-        states = np.flatnonzero(np.isin(graph.state_cell, own))
+        kind = graph.states_like(int(run.executor.tail_states()[car]))
+        states = np.flatnonzero(np.isin(graph.state_cell[kind], own)) + kind.start
         if states.size:
             offset = graph.state_pose[states, :2] - pose[:2]
             run.driver.give_up(car)
@@ -454,7 +455,7 @@ class Recovery:
     def _plan(self, car: int, room: RejoinRoom, seed: int, *, patient: bool) -> tuple[int, RejoinResult] | None:
         """A state to rejoin and a way to it whose cells are the car's from now on; None if there is none at present."""
         run, start = self._run, room.start
-        states = self._near_states(start, room.usable)
+        states = self._near_states(car, start, room.usable)
         for attempt in _patient(room) if patient else _impatient(room):
             for state in states[: N_SEARCHED if attempt.iterations else N_STATES]:
                 way = plan_rejoin(
@@ -523,14 +524,15 @@ class Recovery:
             usable[run.executor.dependencies.held_cells(other)] = False
         return usable.reshape(grid.rows, grid.cols)
 
-    def _near_states(self, pose: FloatArray, usable: npt.NDArray[np.bool_]) -> list[int]:
+    def _near_states(self, car: int, pose: FloatArray, usable: npt.NDArray[np.bool_]) -> list[int]:
         graph = self._run.graph
-        offset = graph.state_pose - pose
+        kind = graph.states_like(int(self._run.executor.tail_states()[car]))
+        offset = graph.state_pose[kind] - pose
         distance = np.hypot(offset[:, 0], offset[:, 1])
         turn = np.abs(np.arctan2(np.sin(offset[:, 2]), np.cos(offset[:, 2])))
-        near = np.nonzero((distance < SEARCH_M) & usable.ravel()[graph.state_cell])[0]
+        near = np.nonzero((distance < SEARCH_M) & usable.ravel()[graph.state_cell[kind]])[0]
         order = np.lexsort((near, distance[near] + 0.5 * turn[near]))
-        return near[order][:N_STATES].tolist()
+        return (near[order][:N_STATES] + kind.start).tolist()
 
     def _cells_of(self, car: int, poses: FloatArray) -> list[int]:
         """Cells under the body of a car at any of the poses."""

@@ -6,30 +6,30 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from fleet.config import USUAL_MODEL
 from fleet.errors import ConfigError
 from fleet.robots.cars.models import CarModels
 from fleet.robots.spec import CarSpec
-from maps.lane_graph import LaneGraph, build_lane_graph
+from maps.lane_graph import LaneGraph, build_lane_graph, side_by_side
 from maps.site import Site
 
 
 def lanes_for(site: Site, models: CarModels) -> LaneGraph:
-    """Build the lane graph that all cars of a run drive on: it has room for the largest of them.
+    """Build the lane graph that all cars of a run drive on, in which each model has states and moves of its own.
 
     Args:
         site: The site.
         models: Models of the cars.
 
     Raises:
-        ConfigError: The body of a model fits no lane to a station or parking place, or is too large beside others.
+        ConfigError: The body of a model fits no lane to a station or parking place.
     """
-    graph = build_lane_graph(site, footprint=models.footprint)
-    if models.footprint is None:
-        return graph
+    graphs = []
     for kind in models.kinds:
-        _require_ways(site, build_lane_graph(site, footprint=kind.footprint), kind)
-    _require_ways(site, graph, models.hull)
-    return graph
+        graphs.append(build_lane_graph(site, footprint=None if kind.name == USUAL_MODEL else kind.footprint))
+        if kind.name != USUAL_MODEL:
+            _require_ways(site, graphs[-1], kind)
+    return side_by_side(graphs)
 
 
 def _require_ways(site: Site, graph: LaneGraph, kind: CarSpec) -> None:

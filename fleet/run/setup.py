@@ -48,7 +48,7 @@ class RunSetup:
         graph = lanes_for(site, models)
         docks = [place.dock.cell for place in site.stations]
         against = states_of_lanes(graph, site.against, site.grid) if site.allow_reverse else None
-        states = start_states(config, site, graph)
+        states = (start_states(config, site, graph) + models.kind_of * graph.n_places).astype(np.int32)
         return RunSetup(
             site=site,
             graph=graph,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import numpy as np
 from numba import njit
@@ -58,11 +59,14 @@ class FloorCheck:
     def moves(self) -> Breach | None:
         """Whether the moves of the lane graph sweep the cells that they say; once is enough, as it does not change."""
         graph = self._run.graph
-        for body in _bodies(self._run.scene.cars, PATH_STRAY_M):
-            move, cell = _escapes(
-                graph.path_ptr, graph.path_points, graph.swept_ptr, graph.swept_cell, body, self._size
-            )
+        # Each model has moves of its own, in its turn.
+        firsts = np.searchsorted(graph.move_from, np.arange(graph.n_kinds + 1) * graph.n_places).tolist()
+        bodies = _bodies(self._run.scene.cars, PATH_STRAY_M)
+        for body, (first, end) in zip(bodies, pairwise(firsts), strict=True):
+            paths = graph.path_ptr[first : end + 1], graph.swept_ptr[first : end + 1]
+            move, cell = _escapes(paths, graph.path_points, graph.swept_cell, body, self._size)
             if move >= 0:
+                move += first
                 break
         else:
             return None
@@ -292,15 +296,15 @@ def _in_cell(
 
 @njit(cache=True)
 def _escapes(
-    path_ptr: CellArray,
+    rows: tuple[CellArray, CellArray],
     path_points: FloatArray,
-    swept_ptr: CellArray,
     swept_cell: CellArray,
     body: FloatArray,
     size: tuple[int, int, float],
 ) -> tuple[int, int]:  # pragma: no cover - compiled
     """The first move whose body is in a cell that it is not said to sweep, and the cell; -1 and -1 if there is none."""
     owner = np.full(size[0] * size[1], -1, np.int32)
+    path_ptr, swept_ptr = rows
     for move in range(len(path_ptr) - 1):
         for k in range(swept_ptr[move], swept_ptr[move + 1]):
             owner[swept_cell[k]] = move

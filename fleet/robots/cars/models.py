@@ -12,7 +12,6 @@ from fleet.config import USUAL_MODEL
 from fleet.errors import ConfigError
 from fleet.robots.cars import CARS
 from fleet.robots.spec import CarSpec
-from maps.vehicle import Footprint
 
 
 def usual_car() -> CarSpec:
@@ -60,14 +59,6 @@ class CarModels:
             half_width_m=self.most("half_width_m"),
             height_m=self.most("height_m"),
         )
-
-    @property
-    def footprint(self) -> Footprint | None:
-        """What the lanes have to have room for, with the greatest turning circle; None = the usual car."""
-        if [kind.name for kind in self.kinds] == [USUAL_MODEL]:
-            return None
-        radius_m = max(kind.footprint.turn_radius_m for kind in self.kinds)
-        return replace(self.hull.footprint, turn_radius_m=radius_m)
 
     def __len__(self) -> int:
         return len(self.kind_of)
