@@ -476,4 +476,4 @@ def _assemble(
         "path_points": np.ascontiguousarray(path_points),
         "path_s": path_s,
     }
-    return LaneGraph(motion=motion, n_states=n_states, n_cells=len(index), **arrays)
+    return LaneGraph(motion=motion, n_states=n_states, n_cells=len(index), n_kinds=1, **arrays)
