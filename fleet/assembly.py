@@ -57,7 +57,7 @@ from fleet.tasks.order import MAX_GENERATED_KG, Ability, Order, ability_of, gene
 from fleet.tasks.order_file import OrderBook, OrderTerms, read_orders
 from fleet.tasks.reasons import ReasonBook
 from fleet.tasks.stream import stream_orders
-from fleet.traffic.drivers import Driver, PathDriver, StateDriver
+from fleet.traffic.drivers import PASS_SPEED_MPS, Driver, PathDriver, StateDriver
 from fleet.traffic.executor import Executor
 from fleet.traffic.replanning import Traffic
 from fleet.world import make_world
@@ -74,7 +74,7 @@ def usual_driver(setup: RunSetup, world: World, config: RunConfig, rng: np.rando
     if isinstance(world, GridWorld):
         return StateDriver(setup.graph, setup.start_states, world.car_states)
     poses = setup.graph.state_pose[setup.start_states]
-    return PathDriver(setup.graph, setup.scene.car, poses, world.tick_s, config.estimate, rng)
+    return PathDriver(setup.graph, setup.scene.cars, poses, world.tick_s, config.estimate, rng)
 
 
 def usual_arm_manager(planner: ArmPlanner, setup: RunSetup, config: RunConfig, tick_s: float, lost: Lost) -> ArmManager:
@@ -178,12 +178,12 @@ def assemble(
 
     # Parcels and arms.
     askew = np.random.default_rng(askew_seed) if config.askew else None
-    inventory = Inventory(board, stations, scene.car, world, log, config.collect_after_s, askew)
+    inventory = Inventory(board, stations, scene.cars, world, log, config.collect_after_s, askew)
     lost = _Losses(world, board, inventory, log)
     arm_manager = parts.arm_manager(arm_planner, setup, config, clock.tick_s, lost)
     share_docks(site, scene, arm_manager.services)
     seen = config.perception is Perception.CAMERA
-    perception = SeenPoses(stations, scene.car, world, inventory, log) if seen else TruePoses(inventory)
+    perception = SeenPoses(stations, scene.cars.hull, world, inventory, log) if seen else TruePoses(inventory)
 
     # The rules that missions go by.
     turns = TurnBook(missions, ways, stations.least_cycle_s(config.collect_after_s))
@@ -193,7 +193,7 @@ def assemble(
     admission = parts.admission(missions, ways, turns, slots, log)
     batteries = None
     if config.battery.enabled:
-        batteries = Batteries(config.battery, scene.car.mass_kg, world.n_cars, clock.tick_s)
+        batteries = Batteries(config.battery, scene.cars.each("mass_kg"), clock.tick_s)
     charging = None
     if batteries is not None:
         in_use = places.chargers[: config.battery.chargers_n]
@@ -207,7 +207,7 @@ def assemble(
     transfers = Transfers(inventory, perception, arm_manager, driver, world)
     docks = Docks(missions, ways, services, transfers, admission, inventory, log)
     visits = Visits(missions, places, routes, ways, charging, world, log)
-    fastest_move_s = site.grid.cell_m / scene.car.max_speed_mps
+    fastest_move_s = site.grid.cell_m / scene.cars.most("max_speed_mps")
     rules = DispatchRules(
         missions=missions,
         backlog=Backlog(board, reasons, DueDates(cost_model, reasons, fastest_move_s).check),
@@ -290,8 +290,16 @@ def _abilities(config: RunConfig, setup: RunSetup) -> tuple[Ability, ...]:
     found, usual = [], CarConfig()
     for car in range(config.robots):
         own = config.cars.get(f"car_{car}", usual)
-        payload_kg = setup.scene.car.max_payload_kg if own.max_payload_kg is None else own.max_payload_kg
-        found.append(ability_of(car, payload_kg, tuple(own.capabilities)))
+        model = setup.scene.cars[car]
+        payload_kg = model.max_payload_kg if own.max_payload_kg is None else own.max_payload_kg
+        require(
+            payload_kg <= model.max_payload_kg,
+            f"cars.car_{car}.max_payload_kg",
+            payload_kg,
+            f"at most {model.max_payload_kg:g}, what its model {model.name} carries",
+        )
+        slowness = max(1.0, PASS_SPEED_MPS / model.max_speed_mps)
+        found.append(ability_of(car, payload_kg, tuple(own.capabilities), slowness))
     return tuple(found)
 
 
@@ -310,6 +318,13 @@ def _orders(
         config.grip_force_n,
         f"a force that holds {MAX_GENERATED_KG} kg, the heaviest generated parcel; "
         f"this one holds {terms.grip_kg:.3g} kg",
+    )
+    payload_kg = max(ability.max_payload_kg for ability in abilities)
+    require(
+        payload_kg >= MAX_GENERATED_KG,
+        "payload of the cars",
+        payload_kg,
+        f"a car that carries {MAX_GENERATED_KG} kg, the heaviest generated parcel",
     )
     if config.stream is not None:
         return OrderBook(orders=stream_orders(site, config.stream, config.duration_s, config.tasks, rng))

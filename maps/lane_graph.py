@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,7 +14,7 @@ import numpy.typing as npt
 
 from maps.errors import MapsError
 from maps.grid import DCOL, DROW, GridMap
-from maps.vehicle import ENTRY_INSET_M, TURN_RADIUS_M
+from maps.vehicle import ENTRY_INSET_M, TURN_RADIUS_M, Footprint
 
 if TYPE_CHECKING:  # heavy, and most users of a lane graph need neither
     import networkx as nx
@@ -26,6 +27,7 @@ _Paths = tuple[npt.NDArray[np.int64], Floats, Floats]  # path_ptr, path_points, 
 SmallInts = npt.NDArray[np.int8]
 
 _TOLERANCE_M = 1e-9
+_FLOATS = ("state_pose", "move_length", "path_points", "path_s")
 SAMPLE_STEP_M = 0.05
 """Largest distance between neighbouring path samples of a car-like move [m]."""
 
@@ -84,19 +86,35 @@ class LaneGraph:
     """Moves entering state s: in_move[in_ptr[s]:in_ptr[s + 1]]."""
     swept_ptr: Ints
     swept_cell: Ints
-    """Cells the body touches during move m: swept_cell[swept_ptr[m]:swept_ptr[m + 1]], from cell first."""
+    """Cells the body touches during move m: swept_cell[swept_ptr[m]:swept_ptr[m + 1]], from and to cell first."""
     path_ptr: Ints
     path_points: Floats
     """x, y [m], yaw [rad] along move m, both ends included; yaw is continuous from the from state's yaw."""
     path_s: Floats
     """Arc length from the start of the move [m], one per path point."""
+    n_kinds: int = 1
+    """Kinds of vehicles that have states of their own: state s of the first one is s + k S / n_kinds of the k-th."""
 
     @property
     def n_moves(self) -> int:
         return len(self.move_from)
 
+    @property
+    def n_places(self) -> int:
+        """States of each kind of vehicle."""
+        return self.n_states // self.n_kinds
+
+    def place_of(self, state: int) -> int:
+        """The state of the first kind of vehicles with the same cell and heading."""
+        return state % self.n_places
+
+    def states_like(self, state: int) -> range:
+        """States of the kind of vehicles that a state is of."""
+        first = state - self.place_of(state)
+        return range(first, first + self.n_places)
+
     def state_at(self, cell: int, heading: int) -> int:
-        """State of a cell and heading, or -1 if no lane enters the cell so."""
+        """State of a cell and heading, or -1 if no lane enters the cell so; of several kinds, that of the first."""
         return int(self.state_index[cell, heading])
 
     def states_of_cell(self, cell: int) -> Ints:
@@ -132,15 +150,22 @@ class LaneGraph:
         return graph
 
 
-def build_lane_graph(site: Site, motion: Literal["carlike"] = "carlike") -> LaneGraph:
+def build_lane_graph(
+    site: Site, motion: Literal["carlike"] = "carlike", footprint: Footprint | None = None
+) -> LaneGraph:
     """Build the car-like graph of a site: one state per lane, moves straight, left, right (and reverse if allowed).
 
     A turn is straight, quarter circle of 0.4 m radius, straight; it is left out where a straight part would be
     negative, so a dock whose stop pose lies deeper in its cell has only its straight exit.
 
+    A vehicle stands in one cell, and may sweep more than two on its way from one to the next. Moves that are too tight
+    for it, that sweep cells without a lane, or that begin or end where its body does not fit into the cell, are left
+    out; a state that so loses all of its moves is still there.
+
     Args:
         site: The site; `grid_lane_graph` serves bare grids.
         motion: Only "carlike".
+        footprint: Of the vehicle; None = the usual car's, whose moves sweep two cells each.
 
     Raises:
         MotionError: Another motion model is asked for, or the cells are too small for the turning circle.
@@ -187,9 +212,54 @@ def build_lane_graph(site: Site, motion: Literal["carlike"] = "carlike") -> Lane
         moves.append(np.column_stack((source, to[source], np.full(len(source), REVERSE))))
     move = np.concatenate(moves)
     move = move[np.lexsort((move[:, 2], move[:, 0]))]
+    beside = None
+    if footprint is not None:
+        drivable: npt.NDArray[np.bool_] = np.asarray((index >= 0).any(axis=1))
+        swept = [_beside(row, cell, heading, offset, grid, footprint) for row in move.tolist()]
+        fits = np.array([cells is not None and bool(drivable[cells].all()) for cells in swept], dtype=np.bool_)
+        move, beside = move[fits], [cells for cells in swept if cells is not None and drivable[cells].all()]
 
     length, paths = _carlike_paths(move, pose, offset, cell_m)
-    return _assemble("carlike", cell, heading, pose, index, move, length, paths)
+    return _assemble("carlike", cell, heading, pose, index, move, length, paths, beside)
+
+
+def side_by_side(graphs: Sequence[LaneGraph]) -> LaneGraph:
+    """Put the graphs of several kinds of vehicles over the same cells into one.
+
+    Each kind has states and moves of its own, and no move leads from one kind's states to another's. Cells are those of
+    all: who holds a cell keeps out vehicles of every kind.
+
+    Args:
+        graphs: Of the same site, with the same states; the first one's are what cells and headings name.
+    """
+    if len(graphs) == 1:
+        return graphs[0]
+    n, first = len(graphs), graphs[0]
+    n_states, n_moves = first.n_states, np.cumsum([0, *(graph.n_moves for graph in graphs)])
+    state_ids = np.arange(n) * n_states
+
+    def shifted(name: str, shifts: npt.NDArray[np.int64]) -> npt.NDArray[Any]:
+        each = [getattr(graph, name) + shift for graph, shift in zip(graphs, shifts.tolist(), strict=True)]
+        return np.concatenate(each).astype(getattr(first, name).dtype)
+
+    def chained(name: str) -> npt.NDArray[Any]:
+        lengths = np.concatenate([np.diff(getattr(graph, name)) for graph in graphs])
+        return np.concatenate(([0], np.cumsum(lengths))).astype(getattr(first, name).dtype)
+
+    nothing = np.zeros(n, dtype=np.int64)
+    arrays = {name: shifted(name, nothing) for name in ("state_cell", "state_heading", "move_kind", "swept_cell")}
+    arrays |= {name: np.concatenate([getattr(graph, name) for graph in graphs]) for name in _FLOATS}
+    arrays |= {name: shifted(name, state_ids) for name in ("move_from", "move_to")}
+    arrays |= {name: shifted(name, n_moves[:-1]) for name in ("out_move", "in_move")}
+    arrays |= {name: chained(name) for name in ("out_ptr", "in_ptr", "swept_ptr", "path_ptr")}
+    return LaneGraph(
+        motion=first.motion,
+        n_states=n * n_states,
+        n_cells=first.n_cells,
+        state_index=first.state_index,
+        n_kinds=n,
+        **arrays,
+    )
 
 
 def states_of_lanes(graph: LaneGraph, lanes: Ints, grid: GridMap) -> Ints:
@@ -265,6 +335,50 @@ def _step(cell: npt.NDArray[Any], heading: npt.NDArray[Any], grid: GridMap) -> n
     return np.where(inside, row * grid.cols + col, -1)
 
 
+def _beside(
+    move: list[int],
+    cell: npt.NDArray[Any],
+    heading: npt.NDArray[Any],
+    offset: Floats,
+    grid: GridMap,
+    footprint: Footprint,
+) -> list[int] | None:
+    """Cells that a body sweeps on a move (from, to, kind) beside those of its ends; None if the move is not for it."""
+    begin, end, kind = move
+    deep = [round(float(offset[state]), 9) for state in (begin, end)]
+    ahead = _ahead_of(MoveKind(kind), deep[0], deep[1], grid.cell_m, footprint)
+    if ahead is None:
+        return None
+    row, col = grid.row_col(int(cell[begin]))
+    turn = int(heading[begin])
+    cos, sin = ((1, 0), (0, 1), (-1, 0), (0, -1))[turn]
+    cells = []
+    for along, left in ahead:
+        there = (row - (sin * along + cos * left), col + cos * along - sin * left)
+        if not (0 <= there[0] < grid.rows and 0 <= there[1] < grid.cols):
+            return None
+        cells.append(int(grid.index(*there)))
+    return [other for other in cells if other not in (cell[begin], cell[end])]
+
+
+@functools.lru_cache(maxsize=256)
+def _ahead_of(
+    kind: MoveKind, offset_from: float, offset_to: float, cell_m: float, footprint: Footprint
+) -> tuple[tuple[int, int], ...] | None:
+    """Cells that a body sweeps on a kind of move, along the first heading and to the left of it from the first cell.
+
+    None if the move is too tight, or the body does not stand in one cell before or after it.
+    """
+    turns = kind in (LEFT, RIGHT)
+    if turns and footprint.turn_radius_m > TURN_RADIUS_M + _TOLERANCE_M:
+        return None
+    points, _ = _template(kind, offset_from, offset_to, cell_m)
+    at = points + np.array([ENTRY_INSET_M + offset_from - cell_m / 2, 0.0, 0.0])
+    if any(len(footprint.cells(at[[k]], cell_m)) > 1 for k in (0, -1)):
+        return None
+    return tuple(sorted(footprint.cells(at, cell_m)))
+
+
 def _carlike_paths(move: npt.NDArray[np.int64], pose: Floats, offset: Floats, cell_m: float) -> tuple[Floats, _Paths]:
     """Length and samples of every move; moves alike in kind and stop offsets share one template, moved rigidly."""
     deep_from, deep_to = np.round(offset[move[:, 0]], 9), np.round(offset[move[:, 1]], 9)
@@ -328,7 +442,9 @@ def _assemble(
     move: npt.NDArray[np.int64],
     length: Floats,
     paths: _Paths,
+    beside: list[list[int]] | None = None,
 ) -> LaneGraph:
+    """The graph of states and moves; `beside` are cells that each move sweeps beside those of its ends."""
     n_states = len(cell)
     path_ptr, path_points, path_s = paths
     swept = np.column_stack((cell[move[:, 0]], cell[move[:, 1]]))
@@ -336,6 +452,11 @@ def _assemble(
     in_ptr, in_move = _csr(move[:, 1], n_states)
     moved = swept[:, 0] != swept[:, 1]  # a turn on the spot sweeps one cell
     keep = np.column_stack((np.ones(len(move), dtype=np.bool_), moved))
+    n_most = max(map(len, beside or ()), default=0)
+    more = np.full((len(move), n_most), -1, dtype=np.int64)
+    for k, cells in enumerate(beside or ()):
+        more[k, : len(cells)] = cells
+    swept, keep = np.column_stack((swept, more)), np.column_stack((keep, more >= 0))
     arrays: dict[str, npt.NDArray[Any]] = {
         "state_cell": cell.astype(np.int32),
         "state_heading": heading.astype(np.int8),
@@ -355,4 +476,4 @@ def _assemble(
         "path_points": np.ascontiguousarray(path_points),
         "path_s": path_s,
     }
-    return LaneGraph(motion=motion, n_states=n_states, n_cells=len(index), **arrays)
+    return LaneGraph(motion=motion, n_states=n_states, n_cells=len(index), n_kinds=1, **arrays)

@@ -9,7 +9,7 @@ import numpy as np
 from fleet.arrays import FloatArray
 from fleet.charts.drawing import Spot, Words
 from fleet.charts.floor import FloorFrame
-from fleet.robots.racecar import racecar_spec
+from fleet.robots.cars.models import usual_car
 from maps.site import Site
 
 FLOOR, CLOSED, WALL, SHELF = "#f4f4f0", "#e4e4de", "#5a5a60", "#b8aea0"
@@ -41,7 +41,7 @@ class FloorSheet(FloorFrame):
     ) -> None:
         super().__init__(site.grid, px_per_m=px_per_m, rows=rows, cols=cols)
         self.site = site
-        self._car = racecar_spec()
+        self._car = usual_car()
 
     def cells(self) -> None:
         """All cells, coloured by what they are for, and the arms."""

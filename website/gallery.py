@@ -12,7 +12,7 @@ import numpy as np
 from fleet.arrays import FloatArray
 from fleet.charts.chart import COLORS
 from fleet.config import Fidelity, RunConfig
-from fleet.robots.racecar import racecar_spec
+from fleet.robots.cars.models import usual_car
 from fleet.simulation import Simulation
 from planners.motion.arm.kinematics import link_frames
 from website.floor_sheet import ARM, NOSE, FloorSheet
@@ -138,7 +138,7 @@ def _joints(run: Simulation) -> FloatArray:
 
 
 def _cars(sheet: FloorSheet, shots: Shots, made: Film) -> list[str]:
-    spec, px = racecar_spec(), made.px_per_m
+    spec, px = usual_car(), made.px_per_m
     left, top = -spec.rear_m * px, -spec.half_width_m * px
     long, wide = (spec.rear_m + spec.front_m) * px, 2 * spec.half_width_m * px
     body = f'<rect x="{left:.1f}" y="{top:.1f}" width="{long:.1f}" height="{wide:.1f}"'

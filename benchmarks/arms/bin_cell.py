@@ -9,7 +9,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
-from fleet.robots import ARMS, ArmTeam, racecar_spec
+from fleet.robots import ARMS, ArmTeam
+from fleet.robots.cars.racecar import racecar_spec
 from fleet.robots.tools import TOOLS
 from fleet.sensors.boxes import SeenBox
 from fleet.sensors.camera import Camera, CameraImage
@@ -80,7 +81,7 @@ class BinCell:
         scene = Scene(
             size_m=(2.0, 2.0),
             boxes=tuple(boxes),
-            car=racecar_spec(),
+            car_kinds=(racecar_spec(),),
             car_start=np.zeros((0, 3)),
             arms=ArmTeam.alike(spec, 1),
             arm_base=np.zeros((1, 4)),

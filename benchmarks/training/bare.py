@@ -13,8 +13,8 @@ import numpy as np
 import numpy.typing as npt
 
 from fleet.robots import ARMS
-from fleet.robots.racecar import HINGES, racecar_urdf
-from fleet.robots.spec import WHEELS
+from fleet.robots.cars.racecar import racecar_urdf
+from fleet.robots.spec import HINGES, WHEELS
 from fleet.robots.tools import TOOLS
 from fleet.sensors.lidar import Lidar, LidarRing
 from fleet.world.bullet.engine import groups

@@ -28,7 +28,8 @@ class Telling:
 
     def __init__(self, run: RunView, *, lidar: bool) -> None:
         self._run = run
-        car = run.scene.car
+        self._car, self._arm = run.scene.car, run.scene.arms.only("--bridge")
+        car = self._car
         self._ring = LidarRing(Lidar(), car.front_m, car.rear_m, car.half_width_m) if lidar else None
         self._rng = np.random.default_rng(np.random.SeedSequence(run.config.seed, spawn_key=(SCAN_KEY,)))
         self._scan_ticks = max(1, round(SCAN_S / run.tick_s))
@@ -36,7 +37,7 @@ class Telling:
     def hello(self) -> bytes:
         """What a client has to know before all else."""
         run = self._run
-        car, arm, lidar = run.scene.car, run.scene.arm, None if self._ring is None else self._ring.lidar
+        car, arm, lidar = self._car, self._arm, None if self._ring is None else self._ring.lidar
         header = {
             "op": "hello",
             "format": FORMAT,

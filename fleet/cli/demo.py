@@ -37,8 +37,11 @@ from planners.mapf import DEFAULT_PLANNER, PLANNERS
 class Demo:
     """Run a fleet: cars and arms deliver parcels on a site; prints a table, writes a recording and a result."""
 
-    robots: int = 3
-    """Number of cars."""
+    robots: int | None = None
+    """Number of cars; default 3, or as many as --cars says."""
+    cars: str | None = None
+    """Cars of several models as MODEL:NUMBER,MODEL:NUMBER instead of --robots; what sets single ones apart stands in
+    tables [cars.NAME] of the file of --settings. A model that does not exist is answered with those that do."""
     site: str = "small"
     """Name of a shipped site (see `site list`) or path of a site file."""
     tasks: int | None = None
@@ -89,7 +92,8 @@ class Demo:
     allocator_setting: tuple[str, ...] = ()
     """The same for a setting of the allocator."""
     settings: Path | None = None
-    """TOML file with settings: tables [planner.NAME] and [allocator.NAME]; those on the command line go first."""
+    """TOML file with settings: tables [planner.NAME] and [allocator.NAME], of which those on the command line go first,
+    and [cars.NAME]."""
     out: Path = Path("runs/demo")
     """Directory for recording.rrd, run.jsonl and result.json."""
     no_record: bool = False
@@ -121,12 +125,16 @@ class Demo:
         # The engine, the planners and their compiled kernels take a second to load: only for runs, not for --help.
         from fleet.bridge.server import BridgeServer
         from fleet.recording import RECORDING
+        from fleet.robots.cars.words import car_configs, read_cars
         from fleet.session import SessionConfig, run_session
 
         self._check()
+        models = read_cars(self.cars) if self.cars is not None else ()
+        robots = len(models) or (RunConfig.robots if self.robots is None else self.robots)
         config = RunConfig(
             site=self.site,
-            robots=self.robots,
+            robots=robots,
+            cars=car_configs(models, robots, self.settings),
             tasks=self.tasks,
             orders=self.orders,
             stream=self._stream(),
@@ -193,6 +201,7 @@ class Demo:
             ("--view", self.view, not self.no_record, "without --no-record"),
             ("--tasks", self.tasks is not None, self.orders is None, "without --orders"),
             ("--stream", self.stream is not None, self.orders is None, "without --orders"),
+            ("--robots", self.robots is not None, self.cars is None, "without --cars"),
             ("--rate", self.rate is not None, self.stream is not None, "with --stream"),
         ):
             if given and not fits:

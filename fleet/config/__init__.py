@@ -3,6 +3,7 @@
 from fleet.config.allocation import AllocationConfig as AllocationConfig
 from fleet.config.allocation import TimeoutConfig as TimeoutConfig
 from fleet.config.arms import ArmConfig as ArmConfig
+from fleet.config.cars import USUAL_MODEL as USUAL_MODEL
 from fleet.config.cars import BatteryConfig as BatteryConfig
 from fleet.config.cars import CarConfig as CarConfig
 from fleet.config.cars import EstimateConfig as EstimateConfig

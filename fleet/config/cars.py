@@ -8,6 +8,9 @@ from itertools import pairwise
 
 from fleet.config.settings import Settings, not_negative, positive, require
 
+USUAL_MODEL = "racecar"
+"""Model of cars of which nothing else is said."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class EstimateConfig(Settings):
@@ -29,8 +32,10 @@ class EstimateConfig(Settings):
 
 @dataclass(frozen=True, kw_only=True)
 class CarConfig(Settings):
-    """What sets one car apart from others of its model."""
+    """What sets one car apart from others."""
 
+    model: str = USUAL_MODEL
+    """Name of its model."""
     capabilities: tuple[str, ...] = ()
     """Names that orders can ask for in `needs`."""
     max_payload_kg: float | None = None

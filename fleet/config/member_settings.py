@@ -8,6 +8,8 @@ that it uses:
 
     [allocator.regret_lns]
     iterations = 500
+
+What sets single cars apart stands in tables of theirs, which `fleet.robots.cars.words` reads.
 """
 
 from __future__ import annotations
@@ -15,6 +17,7 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from fleet.config.settings import SettingValue, require
 from fleet.errors import ConfigError
@@ -25,7 +28,9 @@ from planners.mapf import ONE_SHOT_PLANNERS, PLANNERS
 
 NAMES = {"planner": (*PLANNERS, *ONE_SHOT_PLANNERS), "allocator": tuple(ALLOCATORS)}
 """Who can be told something, by family, beside classes of one's own."""
-FORM = "tables [planner.NAME] and [allocator.NAME]"
+CARS = "cars"
+"""Family of the tables that say what sets single cars apart."""
+FORM = "tables [planner.NAME], [allocator.NAME] and [cars.NAME]"
 
 
 def member_settings(path: Path | None, family: str, name: str, words: Sequence[str] = ()) -> dict[str, SettingValue]:
@@ -53,6 +58,15 @@ def file_settings(path: Path | None, family: str) -> dict[str, dict[str, Setting
     return {} if path is None else {name: dict(table) for name, table in _tables(path, family).items()}
 
 
+def car_tables(path: Path | None) -> Mapping[str, Mapping[str, object]]:
+    """Tables of single cars, by their names.
+
+    Raises:
+        ConfigError: The file cannot be read or has something else in it.
+    """
+    return {} if path is None else _content(path).get(CARS, {})
+
+
 def _read_words(words: Sequence[str], option: str) -> dict[str, SettingValue]:
     """Settings as they are typed: a value is a number, true, false, or a text."""
     told: dict[str, SettingValue] = {}
@@ -74,20 +88,29 @@ def read_value(text: str) -> SettingValue:
 
 
 def _tables(path: Path, family: str) -> Mapping[str, Mapping[str, SettingValue]]:
+    found: Mapping[str, Mapping[str, SettingValue]] = _content(path).get(family, {})
+    return found
+
+
+def _content(path: Path) -> Mapping[str, Any]:
+    """All tables of a file."""
     where = f"--settings {path}"
     try:
         content = parse_toml(read_text(path, where, valid=f"TOML with {FORM}"), where, valid=f"TOML with {FORM}")
     except FileError as error:
         raise ConfigError(str(error)) from error
     for key, tables in content.items():
-        known = key in NAMES and isinstance(tables, dict) and all(isinstance(each, dict) for each in tables.values())
+        known = (
+            key in (*NAMES, CARS)
+            and isinstance(tables, dict)
+            and all(isinstance(each, dict) for each in tables.values())
+        )
         if not known:
             raise ConfigError(f"{where}: top level has {named(key)} = {shown(tables)}; valid: {FORM}")
-        for name, table in tables.items():
+        for name, table in tables.items() if key in NAMES else ():
             valid = f'{", ".join(NAMES[key])} or "package.module.Class", in quotes'
             require(name in NAMES[key] or "." in name, f"{where}: {key}", name, valid)
             for setting, value in table.items():
                 ok = isinstance(value, bool | int | float | str)
                 require(ok, f"{where}: {key}.{name}.{setting}", value, "a number, true, false or a text")
-    found: Mapping[str, Mapping[str, SettingValue]] = content.get(family, {})
-    return found
+    return content

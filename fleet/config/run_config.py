@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 
 from fleet.config.allocation import AllocationConfig, TimeoutConfig
 from fleet.config.arms import ArmConfig
-from fleet.config.cars import BatteryConfig, CarConfig, EstimateConfig
+from fleet.config.cars import USUAL_MODEL, BatteryConfig, CarConfig, EstimateConfig
 from fleet.config.changes import MEMBERS, SettingChange
 from fleet.config.choices import Connect, Fidelity, Grip, Perception
 from fleet.config.events import ScenarioEvent
@@ -122,6 +122,14 @@ class RunConfig(Settings):
         twin = copy.copy(self)
         object.__setattr__(twin, "seed", seed)
         return twin
+
+    @property
+    def models(self) -> tuple[str, ...]:
+        """Name of each car's model."""
+        names = [USUAL_MODEL] * self.robots
+        for name, car in self.cars.items():
+            names[int(name.removeprefix("car_"))] = car.model
+        return tuple(names)
 
     @property
     def n_tasks(self) -> int:

@@ -149,16 +149,21 @@ class CostModel:
         own = np.full(len(states), -1)
         own[list(situation.held)] = [column_of[task.index] for task in situation.held.values()]
         cars = np.flatnonzero(out == CAN_TAKE)
+        slowness = self._fitness.slowness[cars]
         times = pair_times(
-            work.moves[:, cars],
+            work.moves[:, cars] * slowness,
             codes[:, cars],
             CarSide(free_s[cars], own[cars], booked.early_s[cars]),
             TaskSide(work.begin, work.pick, work.drop, work.n_rest_moves * MOVE_S, not_before_s),
             free_times(booked.turns),
         )
+        rest_s, travel_s = work.n_rest_moves * MOVE_S, times.travel_s
+        if (slowness > 1.0).any():
+            # Slow cars are later where a task ends, too, which counts as if they came later to where it begins.
+            travel_s = travel_s + np.outer(np.minimum(work.n_rest_moves, UNREACHABLE) * MOVE_S, slowness - 1.0)
         cost_s, pressure_s = task_costs(
-            travel_s=times.travel_s.T,
-            rest_s=work.n_rest_moves * MOVE_S,
+            travel_s=travel_s.T,
+            rest_s=rest_s,
             service_s=work.service_s,
             since_s=np.array([task.since_s[TaskState.BACKLOG] for task in tasks]),
             due_s=np.array([task.order.due_s for task in tasks]),

@@ -26,6 +26,8 @@ class Fitness:
 
     def __init__(self, abilities: Sequence[Ability]) -> None:
         self._most_kg = np.array([ability.max_payload_kg for ability in abilities])
+        self.slowness = np.array([ability.slowness for ability in abilities])
+        """How many times as long as other cars each takes for its way, shape (n_cars,)."""
         self._capabilities = list(dict.fromkeys(ability.capabilities for ability in abilities))
         kinds = {capabilities: kind for kind, capabilities in enumerate(self._capabilities)}
         self._kind_of = np.array([kinds[ability.capabilities] for ability in abilities])

@@ -38,7 +38,7 @@ from fleet.config import ArmConfig, Fidelity, require
 from fleet.config.field_checks import is_number, is_whole
 from fleet.envs.core.choices import row_of
 from fleet.robots import ARMS, ArmTeam
-from fleet.robots.racecar import racecar_spec
+from fleet.robots.cars.models import usual_car
 from fleet.robots.tools import TOOLS
 from fleet.world.kinematic import KinematicConfig, KinematicWorld
 from fleet.world.protocol import World
@@ -98,7 +98,7 @@ class KukaReachEnv(gymnasium.Env[Any, Any], EzPickle):
         scene = Scene(
             size_m=(_FLOOR_M, _FLOOR_M),
             boxes=(),
-            car=racecar_spec(),
+            car_kinds=(usual_car(),),
             car_start=np.zeros((0, 3)),
             arms=ArmTeam.alike(spec, 1),
             arm_base=np.array([[_FLOOR_M / 2, _FLOOR_M / 2, 0.0, 0.0]]),

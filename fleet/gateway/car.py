@@ -63,7 +63,7 @@ class CommandedCar:
         self._envelope = Envelope(config.identity(car), Codec(config.speaks), config.start)
         self.vehicle = Vehicle(
             CarSurroundings(floor, car),
-            factsheet_of(_build(floor.run.scene.car), config.timing),
+            factsheet_of(_build(floor.run.scene.cars[car]), config.timing),
             config.timing,
             strict_updates=config.speaks.strict_updates,
         )
@@ -245,7 +245,7 @@ class CommandedCar:
             theta=math.remainder(yaw, math.tau),
             map_id=floor.map_id,
             speed_mps=speed,
-            turn_radps=speed * math.tan(float(floor.steering[car])) / run.scene.car.wheelbase_m,
+            turn_radps=speed * math.tan(float(floor.steering[car])) / run.scene.cars[self._car].wheelbase_m,
             driving=abs(speed) > DRIVES_MPS,
             charge_percent=100.0 if batteries is None else 100.0 * float(batteries.charge[car]),
             charging=bool(run.missions.charges[car]),

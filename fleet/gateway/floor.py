@@ -125,7 +125,7 @@ class CarSurroundings:
     def __init__(self, floor: Floor, car: int) -> None:
         self._floor = floor
         self._car = car
-        self._spec: CarSpec = floor.run.scene.car
+        self._spec: CarSpec = floor.run.scene.cars[car]
 
     @property
     def maps(self) -> frozenset[str]:

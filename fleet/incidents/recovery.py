@@ -362,10 +362,11 @@ class Recovery:
         run = self._run
         dependencies, graph = run.executor.dependencies, run.graph
         pose = run.driver.estimate[car]
-        ground = self._cells_of(pose[None])
+        ground = self._cells_of(car, pose[None])
         dependencies.unreserve(car)
         own = [cell for cell in ground if dependencies.reserve(car, (cell,))]
-        states = np.flatnonzero(np.isin(graph.state_cell, own))
+        kind = graph.states_like(int(run.executor.tail_states()[car]))
+        states = np.flatnonzero(np.isin(graph.state_cell[kind], own)) + kind.start
         if states.size:
             offset = graph.state_pose[states, :2] - pose[:2]
             run.driver.give_up(car)
@@ -381,7 +382,7 @@ class Recovery:
         """Let nobody into the cells a car has come to stand in; those who were granted one already have to wait."""
         dependencies = self._run.executor.dependencies
         halted = set()
-        for cell in self._cells_of(driver.estimate[car][None]):
+        for cell in self._cells_of(car, driver.estimate[car][None]):
             if not dependencies.reserve(car, (cell,)):
                 halted |= {other for other in self._others(car) if cell in dependencies.held_cells(other)}
         before, stopped.halted = stopped.halted, halted - self._rejoining.keys() - self._wrecks.keys()
@@ -416,7 +417,7 @@ class Recovery:
             return
         rejoin.target, way = found
         self._lay_out(driver, car, way)
-        spec = run.scene.car
+        spec = run.scene.cars[car]
         turns_s = 2.0 * spec.max_steering_rad / spec.max_steering_rate_radps  # from lock to lock
         rejoin.stage, rejoin.starts_tick = _Stage.DRIVING, tick + round(turns_s / run.tick_s)
         run.events.log("rejoin", car=f"car_{car}", state=rejoin.target, length_m=round(way.length_m, 2))
@@ -455,7 +456,7 @@ class Recovery:
     def _plan(self, car: int, room: RejoinRoom, seed: int, *, patient: bool) -> tuple[int, RejoinResult] | None:
         """A state to rejoin and a way to it whose cells are the car's from now on; None if there is none at present."""
         run, start = self._run, room.start
-        states = self._near_states(start, room.usable)
+        states = self._near_states(car, start, room.usable)
         for attempt in _patient(room) if patient else _impatient(room):
             for state in states[: N_SEARCHED if attempt.iterations else N_STATES]:
                 way = plan_rejoin(
@@ -470,7 +471,7 @@ class Recovery:
                 )
                 if not way.solved:
                     continue
-                cells = [cell for cell in self._cells_of(way.poses) if cell not in room.ground]
+                cells = [cell for cell in self._cells_of(car, way.poses) if cell not in room.ground]
                 if run.executor.dependencies.reserve(car, cells):
                     return state, way
         return None
@@ -524,18 +525,19 @@ class Recovery:
             usable[run.executor.dependencies.held_cells(other)] = False
         return usable.reshape(grid.rows, grid.cols)
 
-    def _near_states(self, pose: FloatArray, usable: npt.NDArray[np.bool_]) -> list[int]:
+    def _near_states(self, car: int, pose: FloatArray, usable: npt.NDArray[np.bool_]) -> list[int]:
         graph = self._run.graph
-        offset = graph.state_pose - pose
+        kind = graph.states_like(int(self._run.executor.tail_states()[car]))
+        offset = graph.state_pose[kind] - pose
         distance = np.hypot(offset[:, 0], offset[:, 1])
         turn = np.abs(np.arctan2(np.sin(offset[:, 2]), np.cos(offset[:, 2])))
-        near = np.nonzero((distance < SEARCH_M) & usable.ravel()[graph.state_cell])[0]
+        near = np.nonzero((distance < SEARCH_M) & usable.ravel()[graph.state_cell[kind]])[0]
         order = np.lexsort((near, distance[near] + 0.5 * turn[near]))
-        return near[order][:N_STATES].tolist()
+        return (near[order][:N_STATES] + kind.start).tolist()
 
-    def _cells_of(self, poses: FloatArray) -> list[int]:
-        """Cells under the body at any of the poses."""
+    def _cells_of(self, car: int, poses: FloatArray) -> list[int]:
+        """Cells under the body of a car at any of the poses."""
         grid = self._run.site.grid
-        row, col = cell_of(outline(poses, self._run.scene.car, 0.0).reshape(-1, 2), grid.rows, grid.cell_m)
+        row, col = cell_of(outline(poses, self._run.scene.cars[car], 0.0).reshape(-1, 2), grid.rows, grid.cell_m)
         on_map = (row >= 0) & (row < grid.rows) & (col >= 0) & (col < grid.cols)
         return np.unique((row * grid.cols + col)[on_map]).tolist()

@@ -57,7 +57,8 @@ class RejoinRoom:
         self._margin_m, self._way_out_m, self._swing_m = margin_m, WAY_OUT_M, 0.0
         self._leaves = 0.0
         grid = run.site.grid
-        self._spec, self._cell_m, self._rows = run.scene.car, grid.cell_m, grid.rows
+        models = run.scene.cars
+        self._spec, self._cell_m, self._rows = models[car], grid.cell_m, grid.rows
         open_cells = grid.free & ~run.traffic.blocked.reshape(grid.rows, grid.cols)
         # One more cell all around, so that neighbours need no special case.
         self._open = np.pad(open_cells, 1)
@@ -75,8 +76,9 @@ class RejoinRoom:
         self._foot_m = run.scene.arms.foot_m[near] + FOOT_M
         corners = _corners(self._open, self._cell_m)
         self._corners = corners[np.hypot(*(corners - start[:2]).T) < 2 * SEARCH_M]
-        bodies = np.delete(run.driver.estimate, car, axis=0)
-        self._bodies = bodies[np.hypot(*(bodies - start)[:, :2].T) < 2 * SEARCH_M]
+        poses = run.driver.estimate
+        near = np.flatnonzero(np.hypot(*(poses - start)[:, :2].T) < 2 * SEARCH_M)
+        self._bodies = [(poses[other], models[other]) for other in near[near != car].tolist()]
         self._depths = self._too_near(start[None])
         touches = self._depths > margin_m - TOUCHES_M
         # Points that touch walls may do so all alike; the others may come near to them, but not touch them.
@@ -136,9 +138,9 @@ class RejoinRoom:
             for foot, foot_m in zip(self._feet, self._foot_m, strict=True)
         ]
         depths = [*self._into_walls(points).T, edges, *(np.maximum(foot, 0.0) for foot in feet)]
-        for body in self._bodies:
-            inside = _depth_in_body(points, body[None, None], self._spec)
-            corners = outline(body[None], self._spec, self._margin_m)
+        for body, model in self._bodies:
+            inside = _depth_in_body(points, body[None, None], model)
+            corners = outline(body[None], model, self._margin_m)
             depths.append(
                 np.maximum(inside.max(axis=1), _depth_in_body(corners, poses[:, None], self._spec).max(axis=1))
             )

@@ -107,7 +107,7 @@ def bounds_of(run: RunView, deliveries: IntArray, time_s: float, *, from_start: 
         return None
     stations, free = run.stations, run.setup.distances.exact
     service_s = stations.mean_s()
-    starts = run.setup.start_states if from_start else np.empty(0, dtype=np.int32)
+    starts = run.setup.start_states % run.graph.n_places if from_start else np.empty(0, dtype=np.int32)
     loaded = float((moves_between(free, stations.dock_states, stations.dock_states) * deliveries).sum())
     empty = fewest_empty_moves(free, stations.dock_states, deliveries, starts)
     served_s = float(((service_s[:, None] + service_s[None, :]) * deliveries).sum())

@@ -103,7 +103,7 @@ class WhyIdle:
         run = self._run
         traffic, places = run.traffic, run.places
         names = task.next_errand if task.visit is not None else (task.pick, task.delivery.drop)
-        start = int(run.executor.tail_states()[car])
+        start = run.graph.place_of(int(run.executor.tail_states()[car]))
         for name in names:
             goal = places.named(name).states[0]
             if start != goal and not traffic.reachable(start, goal):

@@ -153,7 +153,8 @@ class Charging:
             self._missions.bookings.caps[drop.arm]
             * self._missions.stations.times.of(drop.arm, Direction.FROM_CAR).p90_s
         )
-        loaded = self.batteries.share(MOVE_M * n_loaded_moves, SLOW_MOVE_S * n_loaded_moves + served_s, load_kg)
+        loaded_s = SLOW_MOVE_S * n_loaded_moves + served_s
+        loaded = self.batteries.share(cars, MOVE_M * n_loaded_moves, loaded_s, load_kg)
         n_home_moves = float(self.moves_home(np.array([drop.dock_state]))[0])
         return self.allows_way(cars, to_pick + n_home_moves, 0.0, loaded)
 
@@ -171,7 +172,7 @@ class Charging:
         Returns:
             The verdict on each car, shape (k,).
         """
-        empty = self.batteries.share(MOVE_M * moves, SLOW_MOVE_S * moves + stand_s)
+        empty = self.batteries.share(cars, MOVE_M * moves, SLOW_MOVE_S * moves + stand_s)
         spare = self.batteries.charge[cars] - empty - more
         return np.asarray(spare >= self.batteries.config.margin)
 

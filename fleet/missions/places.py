@@ -42,7 +42,7 @@ class Places:
         """Lane-graph state of each charger."""
         self.parking: tuple[int, ...] = tuple(graph.first_states(site.parking).tolist())
         """Lane-graph state of each parking place."""
-        self.waiting = np.flatnonzero(np.isin(graph.state_cell, waiting_cells(site, graph)))
+        self.waiting = np.flatnonzero(np.isin(graph.state_cell[: graph.n_places], waiting_cells(site, graph)))
         """Lane-graph states in which cars may wait when all parking places are taken, ascending."""
         self._states = [*(station.dock_state for station in stations), *self.chargers, *self.parking]
         self.cells: tuple[int, ...] = tuple(graph.state_cell[self._states].tolist())

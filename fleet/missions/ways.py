@@ -32,6 +32,9 @@ class Ways:
     """Distances in moves on the lane graph past all that is blocked, for cars as they will stand when they have made
     the moves that are planned for them.
 
+    Rules know places: states of the first kind of cars. Here these become states of a car's own kind, and back; ways
+    from places, of whatever car, are those of the first kind.
+
     Args:
         traffic: Knows goals, blocked cells and distances.
     """
@@ -39,23 +42,36 @@ class Ways:
     def __init__(self, traffic: Traffic) -> None:
         self._traffic = traffic
         self._executor = traffic.executor
+        self._n_places = traffic.graph.n_places
+        self._alike = traffic.graph.n_kinds == 1
+        kinds = self._executor.tail_states() // self._n_places
+        self._first_of: npt.NDArray[np.int64] = kinds.astype(np.int64) * self._n_places
+        """State of each car's kind that is place 0, shape (n_cars,)."""
 
     @property
     def n_states(self) -> int:
-        """States of the lane graph."""
-        return self._traffic.graph.n_states
+        """Places of the lane graph: states of one kind of cars."""
+        return self._n_places
 
     # --- how far
 
     @property
     def tails(self) -> npt.NDArray[np.int32]:
         """State each car stands in when all its moves are done, shape (n_cars,), read-only."""
-        return self._executor.tail_states()
+        return self._places(self._executor.tail_states())
 
     @property
     def ahead(self) -> npt.NDArray[np.int32]:
         """State up to which each car was granted moves: from there it can go anywhere, shape (n_cars,)."""
-        return self._executor.granted_states()
+        return self._places(self._executor.granted_states())
+
+    def _places(self, states: npt.NDArray[np.int32]) -> npt.NDArray[np.int32]:
+        """Places of states, each of a car's own kind; -1 stays."""
+        return states if self._alike else np.where(states < 0, states, states % self._n_places).astype(np.int32)
+
+    def _own(self, car: int, place: int) -> int:
+        """The state of a car's kind at a place."""
+        return place if self._alike else place + int(self._first_of[car])
 
     def moves(self, states: States, goal: int) -> npt.NDArray[np.uint16]:
         """Moves from each of some states to a goal, `UNREACHABLE` where there is no way, shape of `states`."""
@@ -86,7 +102,7 @@ class Ways:
 
     def of_car(self, car: int, goal: int) -> int:
         """Moves from where a car's way ends as far as it is planned to a goal, `UNREACHABLE` if there is no way."""
-        return int(self._traffic.tables.to(goal)[self._executor.tail_states()[car]])
+        return int(self._traffic.tables.to(self._own(car, goal))[self._executor.tail_states()[car]])
 
     def reaches(self, car: int, goal: int) -> bool:
         """Whether a car has a way to a goal."""
@@ -135,7 +151,7 @@ class Ways:
     @property
     def goals(self) -> npt.NDArray[np.int32]:
         """State each car was sent to, -1 = none, shape (n_cars,)."""
-        return self._traffic.goals
+        return self._places(self._traffic.goals)
 
     @property
     def blocked(self) -> npt.NDArray[np.bool_]:
@@ -174,7 +190,7 @@ class Ways:
             tick: Present tick.
         """
         self._traffic.rank[car] = rank_s
-        self._traffic.send(car, goal, stay=stay, tick=tick)
+        self._traffic.send(car, self._own(car, goal), stay=stay, tick=tick)
 
     def wait(self, car: int) -> None:
         """Leave a car where it comes to stand, until somebody pushes it on."""
@@ -187,7 +203,7 @@ class Ways:
 
     def has_come(self, car: int) -> bool:
         """Whether a car stands where it was sent."""
-        return self.stands_at(car, int(self._traffic.goals[car]))
+        return self.stands_at(car, int(self.goals[car]))
 
     def at_goals(self) -> npt.NDArray[np.bool_]:
         """Whether each car has made all its moves and is where it was sent, moving or not, shape (n_cars,)."""
@@ -196,7 +212,7 @@ class Ways:
 
     def stands_at(self, car: int, state: int) -> bool:
         """Whether a car stands in a state, with no move left."""
-        return bool(self._executor.tail_states()[car] == state) and self._executor.idle(car)
+        return bool(self._executor.tail_states()[car] == self._own(car, state)) and self._executor.idle(car)
 
     def idle(self, car: int) -> bool:
         """Whether a car has no move left and stands still."""

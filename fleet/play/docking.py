@@ -25,7 +25,7 @@ from fleet.envs.warehouse.run.breakdowns import BreakdownClock, Breakdowns
 from fleet.envs.warehouse.sensing import Receiver
 from fleet.missions.phases import CarPhase
 from fleet.play.policies import PlayedPolicy
-from fleet.robots.spec import CarSpec
+from fleet.robots.cars.models import CarModels
 from fleet.run.setup import RunSetup
 from fleet.sensors.lidar import LidarRing
 from fleet.simulation import Simulation
@@ -55,7 +55,7 @@ class DockingDriver(AgentDriver):
 
     Args:
         graph: Lane graph whose moves are driven.
-        spec: The car model.
+        models: Models of the cars.
         start_states: State of each car, shape (n_cars,).
         tick_s: Control period [s].
         config: Quality of the pose estimate.
@@ -65,7 +65,7 @@ class DockingDriver(AgentDriver):
     def __init__(
         self,
         graph: LaneGraph,
-        spec: CarSpec,
+        models: CarModels,
         start_states: npt.NDArray[np.int32],
         tick_s: float,
         config: EstimateConfig,
@@ -73,7 +73,7 @@ class DockingDriver(AgentDriver):
     ) -> None:
         n_cars = len(start_states)
         nobody = AgentCars(by_agent=np.zeros(n_cars, dtype=np.bool_), poses=graph.state_pose[start_states])
-        super().__init__(graph, spec, start_states, tick_s, config, rng, agents=nobody)
+        super().__init__(graph, models, start_states, tick_s, config, rng, agents=nobody)
         self.docking = np.zeros(n_cars, dtype=np.bool_)
         """Cars that a policy docks, shape (n_cars,)."""
         self.docked = np.zeros(n_cars, dtype=np.bool_)
@@ -155,7 +155,7 @@ class DockingDriver(AgentDriver):
 
 def docking_driver(setup: RunSetup, world: World, config: RunConfig, rng: np.random.Generator) -> DockingDriver:
     """Makes the driver of a run some of whose cars a policy docks."""
-    return DockingDriver(setup.graph, setup.scene.car, setup.start_states, world.tick_s, config.estimate, rng)
+    return DockingDriver(setup.graph, setup.scene.cars, setup.start_states, world.tick_s, config.estimate, rng)
 
 
 class _Env(WarehouseEnv):

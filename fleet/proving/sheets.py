@@ -11,8 +11,7 @@ from typing import Literal
 from xml.etree import ElementTree
 
 from fleet.errors import ConfigError
-from fleet.robots import CARS
-from fleet.robots.arm_kinds import arm_kind
+from fleet.robots import ARMS, CARS
 from fleet.robots.standing import STANDING, StandingRobot
 from fleet.robots.twist.a1 import a1_spec
 from fleet.robots.twist.husky import husky_spec
@@ -135,7 +134,7 @@ class _Arm:
     """What no description says of an arm."""
 
     kind: str
-    """Name that `arm_kind` knows."""
+    """Name in `ARMS`."""
     payload_kg: float
     reach_m: float
     source: str
@@ -149,14 +148,14 @@ _ARMS = {
 
 
 def arm_name(name: str) -> str:
-    """The name by which `arm_kind` knows a robot of the table."""
+    """The name in `ARMS` of a robot of the table."""
     return _ARMS[name].kind
 
 
 def _arm(name: str) -> RobotSheet:
-    told, kind = _ARMS[name], arm_kind(_ARMS[name].kind)
-    mass = described_mass_kg(kind.path)
-    described = f"{kind.path.parent.name}/{kind.path.name} in pybullet_data"
+    told, kind = _ARMS[name], ARMS[_ARMS[name].kind]
+    mass = described_mass_kg(kind.urdf)
+    described = f"{kind.urdf.parent.name}/{kind.urdf.name} in pybullet_data"
     speeds, torques = kind.max_velocity_radps, kind.max_torque_nm
     n = len(speeds)
     figures = (
@@ -168,7 +167,7 @@ def _arm(name: str) -> RobotSheet:
         SheetFigure(
             name="max acceleration",
             value=_range(kind.max_acceleration_radps2, "rad/s²"),
-            source="see `fleet.robots.arm_kinds` and `fleet.robots.iiwa`",
+            source="see its file in `fleet.robots.arms`",
         ),
         SheetFigure(name="max torque", value=_range(torques, "N m"), source=told.source),
     )

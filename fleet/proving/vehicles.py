@@ -11,7 +11,7 @@ import numpy as np
 
 from fleet.arrays import FloatArray
 from fleet.proving.course import CURVES, CURVES_AND_TURNS, Course
-from fleet.robots import CARS
+from fleet.robots import CARS, CarModels
 from fleet.robots.estimator import PoseEstimator
 from fleet.robots.pursuit import Follower, PathBuffer
 from fleet.robots.twist.a1 import A1_FOLLOWER, a1_spec
@@ -177,7 +177,8 @@ class PhysicalCar:
         self._floor = floor = BareFloor(friction=friction)
         spec = entry.spec()
         self._n_steps = round(TICK_S / floor.step_s)
-        self._cars = Cars(floor.client, spec, np.zeros((1, 3)), entry.urdf("sphere"), floor.step_s)
+        models = CarModels.alike(spec, 1)
+        self._cars = Cars(floor.client, models, np.zeros((1, 3)), (entry.urdf("sphere"),), floor.step_s)
         if load_kg:
             place = np.array([spec.tray_x_m, 0.0, spec.tray_floor_z_m + _PARCEL_M[2] / 2 + 0.002])
             floor.add_box(np.array(_PARCEL_M), load_kg, place, _PARCEL_FRICTION)
@@ -211,7 +212,7 @@ class KinematicCar:
 
     def __init__(self) -> None:
         spec = CARS["racecar"].spec()
-        self._cars = BicycleCars(spec, np.zeros((1, 3)), TICK_S, TICK_S / 2, TYRE_GRIP_MPS2)
+        self._cars = BicycleCars(CarModels.alike(spec, 1), np.zeros((1, 3)), TICK_S, TICK_S / 2, TYRE_GRIP_MPS2)
         self._wheelbase_m = spec.wheelbase_m
 
     def advance(self, command: FloatArray) -> VehicleState:
@@ -279,8 +280,8 @@ class CarControl:
 
     def __init__(self, rng: np.random.Generator) -> None:
         self._spec = spec = CARS["racecar"].spec()
-        self._follower = Follower(spec, 1, TICK_S)
-        self._estimator = PoseEstimator(spec, 1, TICK_S, rng=rng)
+        self._follower = Follower(CarModels.alike(spec, 1), TICK_S)
+        self._estimator = PoseEstimator(CarModels.alike(spec, 1), TICK_S, rng=rng)
 
     def command(self, state: VehicleState, paths: PathBuffer, stop_s: float, speed_cap: float) -> FloatArray:
         """See `VehicleControl`."""

@@ -10,6 +10,7 @@ import numpy as np
 
 from fleet.arrays import FloatArray
 from fleet.remote.errors import RemoteError
+from fleet.robots.arms.spec import ArmSpec
 from fleet.run.view import RunView
 from fleet.stations.arms.arm_controller import ArmPhase
 from planners.motion.arm.kinematics import link_frames
@@ -59,6 +60,15 @@ class RemoteArms:
         self._grasps: dict[int, _Grasp] = {}
 
     @property
+    @property
+    def _spec(self) -> ArmSpec:
+        """Model of the arms, which are all alike.
+
+        Raises:
+            ConfigError: They are not.
+        """
+        return self._run.scene.arms.only("arms in other hands")
+
     def taken(self) -> list[int]:
         """Arms in other hands."""
         return list(self._grasps)
@@ -100,10 +110,10 @@ class RemoteArms:
             points, times = np.vstack((start, points)), np.concatenate(([0.0], times))
         if len(points) > 1:
             speeds = np.abs(np.diff(points, axis=0)) / np.diff(times)[:, None]
-            over = speeds - self._run.scene.arm.max_velocity_radps
+            over = speeds - self._spec.max_velocity_radps
             if over.max() > 1e-9:
                 k, joint = np.unravel_index(int(np.argmax(over)), over.shape)
-                most = float(self._run.scene.arm.max_velocity_radps[joint])
+                most = float(self._spec.max_velocity_radps[joint])
                 raise RemoteError(
                     f"arm_{arm}: joint_{joint + 1} at {speeds[k, joint]:.3f} rad/s; valid: at most {most:.3f}"
                 )
@@ -157,7 +167,7 @@ class RemoteArms:
 
     def _bring_home(self, arm: int, grasp: _Grasp) -> None:
         run = self._run
-        at_home = np.abs(run.arm_manager.q[arm] - run.scene.arm.home_rad).max() < HOME_RAD
+        at_home = np.abs(run.arm_manager.q[arm] - self._spec.home_rad).max() < HOME_RAD
         if not run.arm_manager.rests(arm):
             return
         if at_home:
@@ -174,7 +184,7 @@ class RemoteArms:
         self._run.events.log("remote_given_back", robot=f"arm_{arm}")
 
     def _move(self, arm: int, grasp: _Grasp) -> None:
-        run, manager, spec = self._run, self._run.arm_manager, self._run.scene.arm
+        run, manager, spec = self._run, self._run.arm_manager, self._spec
         if grasp.points is None:
             manager.qd[arm] = 0.0
         elif grasp.times_s is not None:
@@ -204,10 +214,10 @@ class RemoteArms:
     def _start(self, arm: int, grasp: _Grasp) -> FloatArray:
         """Where a motion begins: where the arm is, or will be when it is handed over."""
         here = grasp.given and self._run.arm_manager.rests(arm)
-        return self._run.arm_manager.q[arm] if here else self._run.scene.arm.home_rad
+        return self._run.arm_manager.q[arm] if here else self._spec.home_rad
 
     def _points(self, arm: int, points: object) -> FloatArray:
-        spec = self._run.scene.arm
+        spec = self._spec
         found = _floats(points)
         if found.ndim != 2 or not len(found) or found.shape[1] != spec.n_joints or not np.isfinite(found).all():
             raise RemoteError(
@@ -247,7 +257,7 @@ class RemoteArms:
 
     def _places(self, arm: int, q: FloatArray) -> FloatArray:
         """Joints beyond the base, and the tip, in the world at some positions (k, n_joints), shape (m, 3) [m]."""
-        spec = self._run.scene.arm
+        spec = self._spec
         frames = link_frames(spec.base_from_joint, q)
         tips = frames[:, -1] @ np.array([0.0, 0.0, spec.tool_length_m, 1.0])
         local = np.concatenate((frames[:, 1:, :3, 3].reshape(-1, 3), tips[:, :3]))

@@ -108,7 +108,7 @@ class RemoteCars:
             raise RemoteError(f"car_{car} was not taken; valid: {valid}")
         if not (math.isfinite(speed_mps) and math.isfinite(steering_rad)):
             raise RemoteError(f"car_{car}: speed {speed_mps}, steering {steering_rad}; valid: finite numbers")
-        spec, wheel = self._run.scene.car, self._wheels[car]
+        spec, wheel = self._run.scene.cars[car], self._wheels[car]
         wheel.speed_mps = max(-spec.max_speed_mps, min(spec.max_speed_mps, speed_mps))
         wheel.steering_rad = max(-spec.max_steering_rad, min(spec.max_steering_rad, steering_rad))
         wheel.heard_s = self._run.sim_s
@@ -138,8 +138,8 @@ class RemoteCars:
         if run.sim_s - wheel.heard_s > STALE_S or car in run.driver.hindrances.held:
             return stop
         target = wheel.steering_rad, wheel.speed_mps
-        ways = list(_ways(run.scene.car, paths.estimate[car], (steering_rad, speed_mps), target, run.tick_s))
-        cells = self._cells(np.concatenate(ways))
+        ways = list(_ways(run.scene.cars[car], paths.estimate[car], (steering_rad, speed_mps), target, run.tick_s))
+        cells = self._cells(car, np.concatenate(ways))
         why = "" if wheel.trusted else self._obstacle(car, np.concatenate(ways), cells)
         if why:
             if why != wheel.stopped or run.sim_s - wheel.stopped_s > STALE_S:
@@ -151,16 +151,16 @@ class RemoteCars:
             self._hold(paths, car, cells)
         return target
 
-    def _cells(self, way: FloatArray) -> frozenset[int]:
+    def _cells(self, car: int, way: FloatArray) -> frozenset[int]:
         """Cells that a body sweeps, but for what every car may reach into beyond its own cells."""
         run = self._run
         stray_m = TAIL_M + DEVIATIONS * run.config.estimate.noise_m
-        return self._under(way, -min(stray_m, run.scene.car.half_width_m))
+        return self._under(car, way, -min(stray_m, run.scene.cars[car].half_width_m))
 
-    def _under(self, way: FloatArray, margin_m: float) -> frozenset[int]:
+    def _under(self, car: int, way: FloatArray, margin_m: float) -> frozenset[int]:
         """Cells under a body and a margin at poses; -1 for what is beyond the floor."""
         grid = self._run.site.grid
-        row, col = cell_of(outline(way, self._run.scene.car, margin_m).reshape(-1, 2), grid.rows, grid.cell_m)
+        row, col = cell_of(outline(way, self._run.scene.cars[car], margin_m).reshape(-1, 2), grid.rows, grid.cell_m)
         on_floor = (row >= 0) & (row < grid.rows) & (col >= 0) & (col < grid.cols)
         return frozenset(np.unique(np.where(on_floor, row * grid.cols + col, -1)).tolist())
 
@@ -168,7 +168,7 @@ class RemoteCars:
         """Why a car may not go a way; empty if it may."""
         run = self._run
         free, executor = run.site.grid.free.ravel(), run.executor
-        for cell in sorted(self._under(way, -WALL_M)):
+        for cell in sorted(self._under(car, way, -WALL_M)):
             if cell < 0 or not free[cell]:
                 return "the floor ends" if cell < 0 else f"there is no floor in cell {self._name(cell)}"
         holders = executor.dependencies.holders()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -19,9 +20,9 @@ recuperation, and starts and stops are meant to be in this figure too."""
 GRAVITY_MPS2 = 9.81
 
 
-def force_n(mass_kg: float) -> float:
-    """Energy that a metre takes from the battery of a car with its load [J/m]."""
-    return mass_kg * GRAVITY_MPS2 * ROLLING / EFFICIENCY
+def force_n(mass_kg: FloatArray | float) -> FloatArray:
+    """Energy that a metre takes from the battery of a car with its load [J/m], in the argument's shape."""
+    return np.asarray(mass_kg * GRAVITY_MPS2 * ROLLING / EFFICIENCY)
 
 
 class _Rates(NamedTuple):
@@ -30,10 +31,10 @@ class _Rates(NamedTuple):
     awake_w: float
     asleep_w: float
     charge_w: float
-    empty_force_n: float
-    """Energy that a metre takes without a load [J/m]."""
-    force_n_per_kg: float
-    """What each kilogram of load adds [J/m/kg]."""
+    empty_force_n: FloatArray
+    """Energy that a metre takes without a load [J/m], shape (n_cars,)."""
+    force_n_per_kg: FloatArray
+    """What each kilogram of load adds [J/m/kg], shape (n_cars,)."""
     per_w: float
     """Share of the capacity that a watt takes in a tick [1/W]."""
 
@@ -45,25 +46,24 @@ class Batteries:
 
     Args:
         config: Capacity, power, charge at the start.
-        car_kg: Mass of a car without a load.
-        n_cars: Number of cars.
+        cars_kg: Masses of the cars without a load, shape (n_cars,).
         tick_s: Length of a tick [s].
     """
 
-    def __init__(self, config: BatteryConfig, car_kg: float, n_cars: int, tick_s: float) -> None:
+    def __init__(self, config: BatteryConfig, cars_kg: FloatArray, tick_s: float) -> None:
         self.config = config
-        self.charge: FloatArray = np.full(n_cars, config.start)
+        self.charge: FloatArray = np.full(len(cars_kg), config.start)
         """State of charge, 0 empty to 1 full, shape (n_cars,)."""
         self.lowest = config.start
         """Least state of charge any car has had."""
-        self._car_kg = car_kg
+        self._cars_kg = cars_kg
         self._capacity_j = 3600.0 * config.capacity_wh
         self._rates = _Rates(
             awake_w=float(config.awake_w),
             asleep_w=float(config.asleep_w),
             charge_w=float(config.charge_w),
-            empty_force_n=force_n(car_kg),
-            force_n_per_kg=force_n(car_kg + 1.0) - force_n(car_kg),
+            empty_force_n=force_n(cars_kg),
+            force_n_per_kg=force_n(cars_kg + 1.0) - force_n(cars_kg),
             per_w=tick_s / self._capacity_j,
         )
 
@@ -83,9 +83,13 @@ class Batteries:
         """Time at a charger that brings a share of the capacity [s]."""
         return share * self._capacity_j / self.config.charge_w
 
-    def share(self, way_m: FloatArray | float, time_s: FloatArray | float, load_kg: float = 0.0) -> FloatArray:
-        """What a way and a time awake take from a battery, as a share of its capacity, in the arguments' shape."""
-        return np.asarray((way_m * force_n(self._car_kg + load_kg) + time_s * self.config.awake_w) / self._capacity_j)
+    def share(
+        self, cars: Sequence[int], way_m: FloatArray | float, time_s: FloatArray | float, load_kg: float = 0.0
+    ) -> FloatArray:
+        """What a way and a time awake take from the batteries of cars, as a share of their capacity, shape (k,)."""
+        return np.asarray(
+            (way_m * force_n(self._cars_kg[cars] + load_kg) + time_s * self.config.awake_w) / self._capacity_j
+        )
 
 
 @njit(cache=True)
@@ -107,7 +111,7 @@ def _spend(
         else:
             speed = abs(speeds[car])
             power_w = awake_w if awake[car] or speed > 0.05 else asleep_w
-            power_w += speed * (empty_force_n + force_n_per_kg * load_kg[car])
+            power_w += speed * (empty_force_n[car] + force_n_per_kg[car] * load_kg[car])
             charge[car] = max(0.0, charge[car] - power_w * per_w)
         lowest = min(lowest, charge[car])
     return lowest

@@ -10,7 +10,7 @@ from numba import njit
 
 from fleet.arrays import BoolArray, FloatArray
 from fleet.robots.angle import wrapped
-from fleet.robots.spec import CarSpec
+from fleet.robots.cars.models import CarModels
 
 ODOMETRY_M = 0.008
 """Growth of the position error per square root of a metre driven [m]: a correction gain near 0.1 at 1 m/s and 60 Hz."""
@@ -38,7 +38,8 @@ class _Filter(NamedTuple):
     """What the filter knows; arrays over the last ticks have a slot for each tick of latency and one for now."""
 
     tick_s: float
-    wheelbase: float
+    wheelbase: FloatArray
+    """Of each car, shape (n,)."""
     sigma: FloatArray
     """Standard deviations of a measurement's x, y, yaw, shape (3,)."""
     truth: FloatArray
@@ -64,8 +65,7 @@ class PoseEstimator:
     the distance driven: steady while driving, falling while standing. Without noise and latency it returns the truth.
 
     Args:
-        spec: The car model.
-        n_cars: Number of cars.
+        models: Models of the cars.
         tick_s: Period of `update` [s].
         noise_m: Standard deviation of x and of y of a measurement [m].
         noise_rad: Standard deviation of its yaw [rad].
@@ -77,8 +77,7 @@ class PoseEstimator:
 
     def __init__(
         self,
-        spec: CarSpec,
-        n_cars: int,
+        models: CarModels,
         tick_s: float,
         *,
         noise_m: float = 0.01,
@@ -86,14 +85,14 @@ class PoseEstimator:
         latency_ticks: int = 1,
         rng: np.random.Generator,
     ) -> None:
-        self._rng = rng
+        self._rng, n_cars = rng, len(models)
         self._noises = np.zeros((BLOCK_TICKS, n_cars, 3))
         self._blur = np.ones((n_cars, 1))
         self._blurred = False
         self._tick = 0
         self._filter = _Filter(
             tick_s=tick_s,
-            wheelbase=spec.wheelbase_m,
+            wheelbase=models.each("wheelbase_m"),
             sigma=np.array([noise_m, noise_m, noise_rad]),
             truth=np.zeros((latency_ticks + 1, n_cars, 3)),
             odometry=np.zeros((latency_ticks + 1, n_cars, 2)),
@@ -189,7 +188,7 @@ def _estimate(
         odometry[now, i, 0] = distance
         odometry[now, i, 1] = 0.0
         if distance != 0.0:
-            odometry[now, i, 1] = distance * math.tan(0.5 * (motion[i, 1] + steering[i])) / wheelbase
+            odometry[now, i, 1] = distance * math.tan(0.5 * (motion[i, 1] + steering[i])) / wheelbase[i]
         motion[i, 0], motion[i, 1] = speeds[i], steering[i]
 
         driven = abs(odometry[oldest, i, 0])

@@ -17,4 +17,4 @@ class CarEntry:
 
     spec: Callable[[], CarSpec]
     urdf: Callable[[WheelShape], str]
-    """URDF text for one collision shape of the wheels; links and joints are named as in `fleet.robots.racecar`."""
+    """URDF text for one collision shape of the wheels; links and joints are named as `CarSpec` says."""

@@ -12,7 +12,7 @@ from numba import njit
 from fleet.arrays import BoolArray, CellArray, FloatArray, IntArray, SignArray
 from fleet.errors import FleetError
 from fleet.robots.angle import wrapped
-from fleet.robots.spec import CarSpec
+from fleet.robots.cars.models import CarModels
 
 FIRST_CAPACITY = 192
 """Points a car's buffer starts with: about six moves of the lane graph; it doubles when a path needs more."""
@@ -225,19 +225,25 @@ class FollowerConfig:
     push that is more than that takes it off its lane."""
 
 
-class _Gains(NamedTuple):
-    tick_s: float
+class _Limits(NamedTuple):
+    """What one car can do."""
+
     wheelbase_m: float
     max_speed_mps: float
     max_accel_mps2: float
     max_brake_mps2: float
     max_steering_rad: float
     max_steering_rate_radps: float
+    steering_ramp_s: float
+    """From straight ahead to the lock."""
+
+
+class _Gains(NamedTuple):
+    tick_s: float
     lookahead_min_m: float
     lookahead_base_m: float
     lookahead_per_speed_s: float
     feedforward_lag_s: float
-    steering_ramp_s: float
     jump_window_m: float
     max_lateral_mps2: float
     brake_fraction: float
@@ -284,16 +290,15 @@ class Follower:
         braked: True where a standing car has its brake on: little that is measured wakes it, shape (n_cars,).
 
     Args:
-        spec: The car model.
-        n_cars: Number of cars.
+        models: Models of the cars.
         tick_s: Control period [s].
         config: Gains.
 
     Source: R. C. Coulter, "Implementation of the Pure Pursuit Path Tracking Algorithm", CMU-RI-TR-92-01, 1992.
     """
 
-    def __init__(self, spec: CarSpec, n_cars: int, tick_s: float, config: FollowerConfig | None = None) -> None:
-        config = config or FollowerConfig()
+    def __init__(self, models: CarModels, tick_s: float, config: FollowerConfig | None = None) -> None:
+        config, n_cars = config or FollowerConfig(), len(models)
         self.progress = np.zeros(n_cars)
         self.cross_track = np.zeros(n_cars)
         self.heading_error = np.zeros(n_cars)
@@ -303,17 +308,10 @@ class Follower:
         self._following = _Following(self._last, self.cross_track, self.heading_error, self.standing, self.braked)
         self._gains = _Gains(
             tick_s=tick_s,
-            wheelbase_m=spec.wheelbase_m,
-            max_speed_mps=spec.max_speed_mps,
-            max_accel_mps2=spec.max_accel_mps2,
-            max_brake_mps2=spec.max_brake_mps2,
-            max_steering_rad=spec.max_steering_rad,
-            max_steering_rate_radps=spec.max_steering_rate_radps,
             lookahead_min_m=config.lookahead_min_m,
             lookahead_base_m=config.lookahead_base_m,
             lookahead_per_speed_s=config.lookahead_per_speed_s,
             feedforward_lag_s=config.feedforward_lag_s,
-            steering_ramp_s=spec.max_steering_rad / spec.max_steering_rate_radps,
             jump_window_m=config.jump_window_m,
             max_lateral_mps2=config.max_lateral_mps2,
             brake_fraction=config.brake_fraction,
@@ -324,6 +322,9 @@ class Follower:
             restart_m=config.restart_m,
             braked_restart_m=config.braked_restart_m,
         )
+        limits = [models.each(name) for name in _Limits._fields[:-1]]
+        ramp_s = models.each("max_steering_rad") / models.each("max_steering_rate_radps")
+        self._limits = np.stack((*limits, ramp_s), axis=1)
 
     def reset(self, car: int) -> None:
         """Forget how a car moved; call it together with `PathBuffer.reset`."""
@@ -347,7 +348,7 @@ class Follower:
         Returns:
             Steering [rad] and signed speed [m/s], shape (n_cars, 2).
         """
-        _follow(paths.arrays(), self._following, poses, speeds, stop_s, speed_cap, self._gains)
+        _follow(paths.arrays(), self._following, poses, speeds, stop_s, speed_cap, self._limits, self._gains)
         self.progress[:] = paths.progress
         return self._last.copy()
 
@@ -493,6 +494,7 @@ def _curve_speed(
     s_here: float,
     speed: float,
     brake: float,
+    car: _Limits,
     g: _Gains,
 ) -> float:
     """Greatest speed now from which all curvature limits ahead, up to point `last`, can be met."""
@@ -502,13 +504,13 @@ def _curve_speed(
         if s[j] > horizon:
             break
         curvature = wrapped(points[j + 1, 2] - points[j, 2]) / (s[j + 1] - s[j])
-        limit = g.max_speed_mps
+        limit = car.max_speed_mps
         if abs(curvature) > ANGLE_EPS_RAD:
             limit = math.sqrt(g.max_lateral_mps2 / abs(curvature))
-        previous, steering = steering, math.atan(g.wheelbase_m * curvature)
+        previous, steering = steering, math.atan(car.wheelbase_m * curvature)
         jump = abs(steering - previous)
         if j > k and jump > ANGLE_EPS_RAD:
-            slow_s = jump / g.max_steering_rate_radps - g.steering_ramp_s
+            slow_s = jump / car.max_steering_rate_radps - car.steering_ramp_s
             if slow_s > 0.0:
                 limit = min(limit, g.jump_window_m / slow_s)
         speed = min(speed, math.sqrt(limit * limit + 2.0 * brake * max(0.0, s[j] - s_here)))
@@ -523,6 +525,7 @@ def _follow(
     speeds: FloatArray,
     stop_s: FloatArray,
     speed_cap: FloatArray,
+    limits: FloatArray,
     g: _Gains,
 ) -> None:
     """Move cursor and progress of every car on its path, and fill in its command."""
@@ -579,10 +582,11 @@ def _follow(
             last_command[i, 1] = 0.0
             continue
 
+        car = _Limits(limits[i, 0], limits[i, 1], limits[i, 2], limits[i, 3], limits[i, 4], limits[i, 5], limits[i, 6])
         # Speed along the path: the most that cap, curves, the stop and the drive allow.
         line, line_s = points[i], s[i]
-        brake = g.brake_fraction * g.max_brake_mps2
-        allowed = _curve_speed(line, line_s, piece, k, s_here, min(speed_cap[i], g.max_speed_mps), brake, g)
+        brake = g.brake_fraction * car.max_brake_mps2
+        allowed = _curve_speed(line, line_s, piece, k, s_here, min(speed_cap[i], car.max_speed_mps), brake, car, g)
         # Distance still free when this command has worked for a tick: v^2 / 2b + (v + now) tick / 2 = left.
         free = left - max(speed, 0.0) * (0.5 * g.tick_s + g.actuator_lag_s)
         reserve = 0.5 * brake * g.tick_s
@@ -592,8 +596,8 @@ def _follow(
         if left <= g.stop_tolerance_m:
             allowed = 0.0
         before = min(max(sign * last_command[i, 1], speed - SPEED_SLACK_MPS), speed + SPEED_SLACK_MPS)
-        target = min(allowed, before + g.max_accel_mps2 * g.tick_s)
-        target = max(target, before - g.max_brake_mps2 * g.tick_s, 0.0)
+        target = min(allowed, before + car.max_accel_mps2 * g.tick_s)
+        target = max(target, before - car.max_brake_mps2 * g.tick_s, 0.0)
         last_command[i, 1] = sign * target
 
         # Steering: the path's own curvature about where the wheels will answer, spread over the time they need from
@@ -601,14 +605,14 @@ def _follow(
         first = k
         while first > 0 and direction[i, first] == direction[i, k + 1] and s[i, first] > s_here - BEHIND_M:
             first -= 1
-        half = max(0.5 * g.steering_ramp_s * abs(speed), 0.02)
+        half = max(0.5 * car.steering_ramp_s * abs(speed), 0.02)
         middle = s_here + abs(speed) * (g.feedforward_lag_s + 0.5 * g.tick_s)
         curvature = _yaw_at(line, line_s, first, piece, k, middle + half)
         curvature = wrapped(curvature - _yaw_at(line, line_s, first, piece, k, middle - half)) / (2.0 * half * sign)
         reach = max(g.lookahead_min_m, g.lookahead_base_m + g.lookahead_per_speed_s * abs(speed))
         aim_x, aim_y = _aim(line, line_s, sign, piece, k, s_here + reach)
         curvature += _pursuit(x, y, yaw, aim_x, aim_y) - _pursuit(path_x, path_y, path_yaw, aim_x, aim_y)
-        steering = math.atan(g.wheelbase_m * curvature)
-        steering = min(max(steering, -g.max_steering_rad), g.max_steering_rad)
-        turn = g.max_steering_rate_radps * g.tick_s
+        steering = math.atan(car.wheelbase_m * curvature)
+        steering = min(max(steering, -car.max_steering_rad), car.max_steering_rad)
+        turn = car.max_steering_rate_radps * g.tick_s
         last_command[i, 0] = min(max(steering, last_command[i, 0] - turn), last_command[i, 0] + turn)

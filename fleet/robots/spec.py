@@ -2,15 +2,28 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from enum import StrEnum
 from pathlib import Path
 
 import numpy as np
 
 from fleet.arrays import FloatArray
+from maps.vehicle import Footprint
 
 WHEELS = ("rear_left", "rear_right", "front_left", "front_right")
 """Wheel links of a car, in the order of `CarSpec.wheel_places`; each spins in the joint ``<link>_spin``."""
+
+HINGES = ("left_steer", "right_steer")
+"""Steering joints of a car's front wheels, positive to the left."""
+
+
+class DriveKind(StrEnum):
+    """What a car is told, and how its wheels make it move."""
+
+    ACKERMANN = "ackermann"
+    """Steering angle of the equivalent bicycle and speed of the rear axle; its front wheels steer."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,10 +42,44 @@ class Visual:
 
 
 @dataclass(frozen=True, kw_only=True)
-class CarSpec:
-    """An Ackermann car; the reference point of its pose is the centre of the rear axle, on the floor."""
+class CarLimits:
+    """What a car can do at most; the file of a model says where each number comes from."""
+
+    max_speed_mps: float
+    max_accel_mps2: float
+    max_brake_mps2: float
+    max_steering_rad: float
+    max_steering_rate_radps: float
+    max_payload_kg: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class CarMotors:
+    """What a car's motors and brakes give in physics."""
+
+    drive_nm: float
+    """Torque of each wheel's motor [Nm]."""
+    brake_nm: float
+    """The same when the car is told to stand: enough to lock the wheel, so that grip decides [Nm]."""
+    steer_nm: float
+    """Torque of each steering hinge [Nm]."""
+    steer_gain: float
+    """Share of the error of its angle that a hinge makes good in a physics step."""
+    hold_n: float
+    """Force that holds a standing car where it is: the grip of its tyres [N]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CarSpec(CarLimits):
+    """A model of cars; the reference point of its pose is the centre of the rear axle, on the floor.
+
+    Its links are 'chassis', `WHEELS` and a hinge for each front wheel; each wheel spins in the joint ``<link>_spin``,
+    and hinges turn in `HINGES`.
+    """
 
     name: str
+    drive: DriveKind
+    motors: CarMotors
     mass_kg: float
     """Without a load."""
     wheelbase_m: float
@@ -45,11 +92,8 @@ class CarSpec:
     half_width_m: float
     height_m: float
     """Top of the tray walls above the floor [m]."""
-    max_speed_mps: float
-    max_accel_mps2: float
-    max_brake_mps2: float
-    max_steering_rad: float
-    max_steering_rate_radps: float
+    body_boxes: FloatArray
+    """Lowest and highest corners of the boxes with which its body collides, in its frame [m], shape (k, 2, 3)."""
     tray_x_m: float
     """Tray centre ahead of the rear axle [m]."""
     tray_floor_z_m: float
@@ -57,9 +101,18 @@ class CarSpec:
     tray_size_m: tuple[float, float, float]
     """Inner length, inner width, wall height of the tray [m]."""
     tray_wall_m: float
-    max_payload_kg: float
     visuals: tuple[Visual, ...]
     """Links: 'chassis' (rear axle frame), `WHEELS`, 'tray'."""
+
+    @property
+    def footprint(self) -> Footprint:
+        """What it takes of the floor, and how tightly it turns."""
+        return Footprint(
+            front_m=self.front_m,
+            rear_m=self.rear_m,
+            half_width_m=self.half_width_m,
+            turn_radius_m=self.wheelbase_m / math.tan(self.max_steering_rad),
+        )
 
     @property
     def wheel_places(self) -> FloatArray:

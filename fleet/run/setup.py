@@ -7,13 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from fleet.config import RunConfig
-from fleet.run.starts import start_states
+from fleet.config import Connect, Fidelity, RunConfig, require
+from fleet.robots.cars.models import CarModels
+from fleet.run.lanes import lanes_for
+from fleet.run.starts import require_room, start_states
 from fleet.traffic.floor_distances import FloorDistances
 from fleet.world.protocol import World
 from fleet.world.scene import Scene
 from fleet.world.site_scene import scene_of
-from maps.lane_graph import LaneGraph, build_lane_graph, states_of_lanes
+from maps.lane_graph import LaneGraph, states_of_lanes
 from maps.site import Site, load_site
 
 
@@ -36,18 +38,35 @@ class RunSetup:
         """The setup of a run.
 
         Raises:
-            ConfigError: The site has no room for that many robots.
+            ConfigError: The site has no room for that many robots, there is no such model, or its body fits no lanes.
             SiteError: The site cannot be read.
         """
         site = load_site(config.site)
-        graph = build_lane_graph(site)
+        require_room(config.robots, site)
+        models = CarModels.named(config.models)
+        _check(config, models)
+        graph = lanes_for(site, models)
         docks = [place.dock.cell for place in site.stations]
         against = states_of_lanes(graph, site.against, site.grid) if site.allow_reverse else None
-        states = start_states(config, site, graph)
+        states = (start_states(config, site, graph) + models.kind_of * graph.n_places).astype(np.int32)
         return RunSetup(
             site=site,
             graph=graph,
             start_states=states,
-            scene=scene_of(site, graph.state_pose[states], config.grip, config.arms),
+            scene=scene_of(site, graph.state_pose[states], config.grip, config.arms, models),
             distances=FloorDistances(graph, docks, against=against),
         )
+
+
+def _check(config: RunConfig, models: CarModels) -> None:
+    """Refuse cars of several models where all have to be of one."""
+    if len(models.kinds) == 1:
+        return
+    names = ", ".join(kind.name for kind in models.kinds)
+    valid = f"physics, kinematic or grid for cars of several models ({names})"
+    require(config.fidelity is not Fidelity.MIXED, "--fidelity", str(config.fidelity), valid)
+    tiled = config.fidelity is Fidelity.PHYSICS and config.connect is Connect.DIRECT
+    most = config.physics.plain_cars_n if tiled else config.robots
+    require(config.robots <= most, "--robots", config.robots, f"1 to {most} in physics, of several models ({names})")
+    trays = {(kind.tray_x_m, kind.tray_floor_z_m, kind.tray_size_m, kind.tray_wall_m) for kind in models.kinds}
+    require(len(trays) == 1, "models of the cars", names, "models with the same tray, as arms serve one kind of tray")

@@ -27,15 +27,15 @@ _NONE, _CARS, _ARM_CAR, _ARMS = 0, 1, 2, 3
 
 
 class _Car(NamedTuple):
-    """What all cars look like [m]."""
+    """What cars look like [m], shape (n_cars,) each."""
 
-    shift: float
+    shift: FloatArray
     """From the rear axle to the middle."""
-    length: float
+    length: FloatArray
     """Half of it."""
-    width: float
+    width: FloatArray
     """Half of it."""
-    height: float
+    height: FloatArray
 
 
 class _Arms(NamedTuple):
@@ -68,8 +68,11 @@ class ClearanceCheck:
     def __init__(self, run: RunView, faults: CarFaults) -> None:
         self._run = run
         self._faults = faults
-        car = run.scene.car
-        self._car = _Car((car.front_m - car.rear_m) / 2, (car.front_m + car.rear_m) / 2, car.half_width_m, car.height_m)
+        models = run.scene.cars
+        front_m, rear_m = models.each("front_m"), models.each("rear_m")
+        self._cars = _Car(
+            (front_m - rear_m) / 2, (front_m + rear_m) / 2, models.each("half_width_m"), models.each("height_m")
+        )
         self._by_x = np.arange(run.world.n_cars)
         self._held = np.full(run.world.n_arms, -1, dtype=np.int64)
         self._radius = np.full(run.world.n_arms, -1.0)
@@ -96,7 +99,7 @@ class ClearanceCheck:
         served = np.where((served >= 0) & stands[served], served, -1)
         _hold(arms.placed, held, self._radius, parcel_ids, parcels)
         kind, first, second, gap = _closest(
-            poses, self._car, self._by_x, arms, self._run.world.arm_positions(), served, excused
+            poses, self._cars, self._by_x, arms, self._run.world.arm_positions(), served, excused
         )
         return None if kind == _NONE else self._touch(kind, first, second, gap, poses)
 
@@ -173,15 +176,18 @@ def _hold(
 
 @njit(cache=True)
 def _closest(
-    poses: FloatArray, car: _Car, by_x: IntArray, arms: _Arms, q: FloatArray, served: IntArray, excused: BoolArray
+    poses: FloatArray, cars: _Car, by_x: IntArray, arms: _Arms, q: FloatArray, served: IntArray, excused: BoolArray
 ) -> tuple[int, int, int, float]:  # pragma: no cover - compiled
     """The first pair of robots that touch: its kind, both, and their distance [m]; `_NONE` if there is none."""
     frames = np.empty((len(poses), 4))
     for i in range(len(poses)):
         cos, sin = math.cos(poses[i, 2]), math.sin(poses[i, 2])
-        frames[i, 0], frames[i, 1] = poses[i, 0] + car.shift * cos, poses[i, 1] + car.shift * sin
+        frames[i, 0], frames[i, 1] = poses[i, 0] + cars.shift[i] * cos, poses[i, 1] + cars.shift[i] * sin
         frames[i, 2], frames[i, 3] = cos, sin
-    circle = math.hypot(car.length, car.width)
+    circles = np.empty(len(poses))
+    for i in range(len(poses)):
+        circles[i] = math.hypot(cars.length[i], cars.width[i])
+    widest = circles.max() if len(circles) else 0.0
     _sort(by_x, frames)
     for at in range(len(by_x)):
         i = by_x[at]
@@ -191,22 +197,22 @@ def _closest(
         while other < len(by_x):
             j = by_x[other]
             dx, dy = frames[j, 0] - frames[i, 0], frames[j, 1] - frames[i, 1]
-            if dx > 2.0 * circle + CLEARANCE_M:
+            if dx > circles[i] + widest + CLEARANCE_M:
                 break
             other += 1
-            if excused[j] or abs(dy) > 2.0 * circle + CLEARANCE_M:
+            if excused[j] or abs(dy) > circles[i] + circles[j] + CLEARANCE_M:
                 continue
-            gap = _between_cars(frames[i], frames[j], car)
+            gap = _between_cars(frames[i], frames[j], (cars.length[i], cars.width[i]), (cars.length[j], cars.width[j]))
             if gap <= CLEARANCE_M:
                 return _CARS, min(i, j), max(i, j), gap
     for a in range(len(q)):
-        far = arms.reach + 2.0 * max(arms.placed[a, -1, 3], 0.0) + circle + CLEARANCE_M
         for i in range(len(poses)):
+            far = arms.reach + 2.0 * max(arms.placed[a, -1, 3], 0.0) + circles[i] + CLEARANCE_M
             dx, dy = frames[i, 0] - arms.base[a, 0], frames[i, 1] - arms.base[a, 1]
             if dx * dx + dy * dy > far * far or i == served[a] or excused[i]:
                 continue
             _place(arms, a, q[a])
-            gap = _from_car(arms.placed[a], frames[i], car)
+            gap = _from_car(arms.placed[a], frames[i], (cars.length[i], cars.width[i], cars.height[i]))
             if gap <= CLEARANCE_M:
                 return _ARM_CAR, a, i, gap
     for pair in range(len(arms.near)):
@@ -231,24 +237,28 @@ def _sort(by_x: IntArray, frames: FloatArray) -> None:  # pragma: no cover - com
 
 
 @njit(cache=True)
-def _between_cars(a: FloatArray, b: FloatArray, car: _Car) -> float:  # pragma: no cover - compiled
-    """Distance of two bodies x, y, cos, sin in the plane; 0 if they overlap.
+def _between_cars(
+    a: FloatArray, b: FloatArray, body_a: tuple[float, float], body_b: tuple[float, float]
+) -> float:  # pragma: no cover - compiled
+    """Distance of two bodies at x, y, cos, sin, of half a length and half a width, in the plane; 0 if they overlap.
 
     Rectangles overlap unless a side of one parts them (separating axes); else a corner of one is nearest to the other.
     """
     gap, parted = math.inf, False
     for turn in range(2):
         own, other = (a, b) if turn == 0 else (b, a)
+        length, width = body_a if turn == 0 else body_b
+        other_length, other_width = body_b if turn == 0 else body_a
         least_u, most_u, least_v, most_v = math.inf, -math.inf, math.inf, -math.inf
         for corner in range(4):
-            along = car.length if corner < 2 else -car.length
-            across = car.width if corner % 2 == 0 else -car.width
+            along = other_length if corner < 2 else -other_length
+            across = other_width if corner % 2 == 0 else -other_width
             x = other[0] + other[2] * along - other[3] * across - own[0]
             y = other[1] + other[3] * along + other[2] * across - own[1]
             u, v = own[2] * x + own[3] * y, own[2] * y - own[3] * x
             least_u, most_u, least_v, most_v = min(least_u, u), max(most_u, u), min(least_v, v), max(most_v, v)
-            gap = min(gap, math.hypot(max(abs(u) - car.length, 0.0), max(abs(v) - car.width, 0.0)))
-        parted = parted or least_u > car.length or most_u < -car.length or least_v > car.width or most_v < -car.width
+            gap = min(gap, math.hypot(max(abs(u) - length, 0.0), max(abs(v) - width, 0.0)))
+        parted = parted or least_u > length or most_u < -length or least_v > width or most_v < -width
     return gap if parted else 0.0
 
 
@@ -297,16 +307,18 @@ def _turned(pose: FloatArray, joint: FloatArray, angle: float) -> FloatArray:  #
 
 
 @njit(cache=True)
-def _from_car(spheres: FloatArray, frame: FloatArray, car: _Car) -> float:  # pragma: no cover - compiled
+def _from_car(
+    spheres: FloatArray, frame: FloatArray, body: tuple[float, float, float]
+) -> float:  # pragma: no cover - compiled
     """Distance of an arm from the box of a car, negative where it reaches into it."""
-    gap = math.inf
+    gap, (length, width, height) = math.inf, body
     for k in range(len(spheres)):
         if spheres[k, 3] < 0.0:
             continue
         px, py = spheres[k, 0] - frame[0], spheres[k, 1] - frame[1]
-        u = max(abs(frame[2] * px + frame[3] * py) - car.length, 0.0)
-        v = max(abs(frame[2] * py - frame[3] * px) - car.width, 0.0)
-        w = max(spheres[k, 2] - car.height, 0.0)
+        u = max(abs(frame[2] * px + frame[3] * py) - length, 0.0)
+        v = max(abs(frame[2] * py - frame[3] * px) - width, 0.0)
+        w = max(spheres[k, 2] - height, 0.0)
         gap = min(gap, math.sqrt(u * u + v * v + w * w) - spheres[k, 3])
     return gap
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import numpy as np
 from numba import njit
 
 from fleet.arrays import BoolArray, CellArray, FloatArray
-from fleet.robots.spec import CarSpec
+from fleet.robots.cars.models import CarModels
 from fleet.run.view import RunView
 from fleet.safety.breach import Breach, Invariant
 from fleet.safety.faults import CarFaults
@@ -41,12 +42,13 @@ class FloorCheck:
         self._run = run
         self._faults = faults
         self._dependencies = run.executor.dependencies
-        grid, car = run.site.grid, run.scene.car
+        grid, models = run.site.grid, run.scene.cars
         self._grid = grid
         self._size = (grid.rows, grid.cols, grid.cell_m)
         self._walls = np.flatnonzero(~grid.free.ravel())
-        self._stray_m = min(TAIL_M + DEVIATIONS * run.config.estimate.noise_m, car.half_width_m)
-        self._body = _body(car, self._stray_m)
+        narrowest_m = min(kind.half_width_m for kind in models.kinds)
+        self._stray_m = min(TAIL_M + DEVIATIONS * run.config.estimate.noise_m, narrowest_m)
+        self._bodies = _bodies(models, self._stray_m)[models.kind_of]
         self._owner = np.empty(grid.n_cells, dtype=np.int32)
         self._n_reasons = np.empty(grid.n_cells, dtype=np.int32)
         self._closed = run.executor.closed.copy()
@@ -57,9 +59,16 @@ class FloorCheck:
     def moves(self) -> Breach | None:
         """Whether the moves of the lane graph sweep the cells that they say; once is enough, as it does not change."""
         graph = self._run.graph
-        body = _body(self._run.scene.car, PATH_STRAY_M)
-        move, cell = _escapes(graph.path_ptr, graph.path_points, graph.swept_ptr, graph.swept_cell, body, self._size)
-        if move < 0:
+        # Each model has moves of its own, in its turn.
+        firsts = np.searchsorted(graph.move_from, np.arange(graph.n_kinds + 1) * graph.n_places).tolist()
+        bodies = _bodies(self._run.scene.cars, PATH_STRAY_M)
+        for body, (first, end) in zip(bodies, pairwise(firsts), strict=True):
+            paths = graph.path_ptr[first : end + 1], graph.swept_ptr[first : end + 1]
+            move, cell = _escapes(paths, graph.path_points, graph.swept_cell, body, self._size)
+            if move >= 0:
+                move += first
+                break
+        else:
             return None
         return Breach(
             invariant=Invariant.SWEPT,
@@ -85,7 +94,7 @@ class FloorCheck:
         if car >= 0:
             return self._closed_to(car, cell)
         self._owner[self._walls] = -1  # a car that was shoved into a wall holds it, and does not belong there
-        car, cell = _strays(poses, self._body, self._owner, self._size, self._faults.cars, self.inside)
+        car, cell = _strays(poses, self._bodies, self._owner, self._size, self._faults.cars, self.inside)
         return None if car < 0 else self._strayed(car, cell, poses[car])
 
     def _let_in(self) -> tuple[int, int]:
@@ -156,13 +165,12 @@ def _swept(graph: LaneGraph, move: int) -> list[int]:
     return cells
 
 
-def _body(car: CarSpec, stray_m: float) -> tuple[float, float, float]:
-    """A car's middle ahead of its axle, half its length and half its width, less what may stray [m]."""
-    return (
-        (car.front_m - car.rear_m) / 2,
-        (car.front_m + car.rear_m) / 2 - stray_m,
-        car.half_width_m - stray_m,
-    )
+def _bodies(models: CarModels, stray_m: float) -> FloatArray:
+    """Of each model the middle ahead of its axle, half its length and half its width, less what may stray [m]."""
+    kinds = models.kinds
+    middles = [(kind.front_m - kind.rear_m) / 2 for kind in kinds]
+    lengths = [(kind.front_m + kind.rear_m) / 2 - stray_m for kind in kinds]
+    return np.array([middles, lengths, [kind.half_width_m - stray_m for kind in kinds]]).T.copy()
 
 
 @njit(cache=True)
@@ -228,7 +236,7 @@ def _claim(
 @njit(cache=True)
 def _strays(
     poses: FloatArray,
-    body: tuple[float, float, float],
+    bodies: FloatArray,
     owner: CellArray,
     size: tuple[int, int, float],
     excused: BoolArray,
@@ -237,7 +245,7 @@ def _strays(
     """Fill in which bodies are in their cars' cells; returns the first that is not, and a cell (-1 = off the floor)."""
     wrong, where = -1, -1
     for car in range(len(poses)):
-        cell = _foreign(poses[car], body, owner, car, size)
+        cell = _foreign(poses[car], bodies[car], owner, car, size)
         inside[car] = cell == _NONE
         if not inside[car] and not excused[car] and wrong < 0:
             wrong, where = car, cell
@@ -246,7 +254,7 @@ def _strays(
 
 @njit(cache=True)
 def _foreign(
-    pose: FloatArray, body: tuple[float, float, float], owner: CellArray, car: int, size: tuple[int, int, float]
+    pose: FloatArray, body: FloatArray, owner: CellArray, car: int, size: tuple[int, int, float]
 ) -> int:  # pragma: no cover - compiled
     """A cell under a body that is not its own, `_NONE` if there is none, -1 if it is off the floor."""
     rows, cols, cell_m = size
@@ -265,10 +273,10 @@ def _foreign(
 
 @njit(cache=True)
 def _frame(
-    pose: FloatArray, body: tuple[float, float, float]
+    pose: FloatArray, body: FloatArray
 ) -> tuple[float, float, float, float, float, float]:  # pragma: no cover - compiled
     """Middle of a body, cos and sin of its yaw, and half of its extent along x and along y."""
-    shift, length, width = body
+    shift, length, width = body[0], body[1], body[2]
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
     half_x, half_y = abs(cos) * length + abs(sin) * width, abs(sin) * length + abs(cos) * width
     return pose[0] + shift * cos, pose[1] + shift * sin, cos, sin, half_x, half_y
@@ -288,15 +296,15 @@ def _in_cell(
 
 @njit(cache=True)
 def _escapes(
-    path_ptr: CellArray,
+    rows: tuple[CellArray, CellArray],
     path_points: FloatArray,
-    swept_ptr: CellArray,
     swept_cell: CellArray,
-    body: tuple[float, float, float],
+    body: FloatArray,
     size: tuple[int, int, float],
 ) -> tuple[int, int]:  # pragma: no cover - compiled
     """The first move whose body is in a cell that it is not said to sweep, and the cell; -1 and -1 if there is none."""
     owner = np.full(size[0] * size[1], -1, np.int32)
+    path_ptr, swept_ptr = rows
     for move in range(len(path_ptr) - 1):
         for k in range(swept_ptr[move], swept_ptr[move + 1]):
             owner[swept_cell[k]] = move

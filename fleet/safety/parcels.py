@@ -44,8 +44,9 @@ class ParcelsCheck:
     def __init__(self, run: RunView, faults: CarFaults) -> None:
         self._run = run
         self._faults = faults
-        car = run.scene.car
-        self._tray = (car.tray_x_m, *car.tray_size_m, car.tray_floor_z_m)
+        models = run.scene.cars
+        trays = [(kind.tray_x_m, *kind.tray_size_m, kind.tray_floor_z_m) for kind in models.kinds]
+        self._trays = np.array(trays)[models.kind_of]
         self._patience = round(UNSETTLED_S / run.tick_s)
         self._dropped: set[int] = set()
         self._ids = np.empty(0, dtype=np.int64)
@@ -79,7 +80,7 @@ class ParcelsCheck:
             ids,
             parcels,
             (self._kind, self._car, self._slot, self._size),
-            self._tray,
+            self._trays,
             self._faults.cars,
             self._astray,
             self._patience,
@@ -209,7 +210,7 @@ def _astray(
     ids: IntArray,
     poses: FloatArray,
     books: tuple[IntArray, IntArray, FloatArray, FloatArray],
-    tray: tuple[float, float, float, float, float],
+    trays: FloatArray,
     excused: BoolArray,
     since: IntArray,
     patience: int,
@@ -222,7 +223,7 @@ def _astray(
             n_grips += held[arm] == ids[row]
         right = kind[row] == _ANYWHERE or (carrier[row] >= 0 and excused[carrier[row]])
         if not right and kind[row] == _TRAY:
-            right = n_grips == 0 and _in_tray(poses[row], cars[carrier[row]], tray)
+            right = n_grips == 0 and _in_tray(poses[row], cars[carrier[row]], trays[carrier[row]])
         elif not right:
             right = (
                 n_grips == 1 if n_grips and kind[row] == _SLOT_OR_GRIP else _on_slot(poses[row], slot[row], size[row])
@@ -234,10 +235,8 @@ def _astray(
 
 
 @njit(cache=True)
-def _in_tray(
-    parcel: FloatArray, car: FloatArray, tray: tuple[float, float, float, float, float]
-) -> bool:  # pragma: no cover - compiled
-    ahead_m, length, width, wall, floor = tray
+def _in_tray(parcel: FloatArray, car: FloatArray, tray: FloatArray) -> bool:  # pragma: no cover - compiled
+    ahead_m, length, width, wall, floor = tray[0], tray[1], tray[2], tray[3], tray[4]
     dx, dy = parcel[0] - car[0], parcel[1] - car[1]
     cos, sin = math.cos(car[2]), math.sin(car[2])
     along, across, up = cos * dx + sin * dy - ahead_m, cos * dy - sin * dx, parcel[2] - floor

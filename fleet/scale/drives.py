@@ -8,13 +8,13 @@ import numpy as np
 
 from fleet.arrays import BoolArray, FloatArray
 from fleet.config import ArmConfig, Fidelity, RunConfig
-from fleet.robots import CARS, ArmTeam
+from fleet.robots import ArmTeam
+from fleet.robots.cars.models import usual_car
 from fleet.run.setup import RunSetup
 from fleet.simulation import Simulation
 from fleet.world.bullet.engine.config import BulletConfig
 from fleet.world.bullet.world import BulletWorld
 from fleet.world.scene import Scene
-from fleet.world.site_scene import CAR
 
 FLOOR_M = 1000.0
 """Side of the empty floor on which steps are driven, more than a car can cross [m]."""
@@ -72,7 +72,7 @@ def drive_steps(commands: FloatArray) -> DriveRecord:
     scene = Scene(
         size_m=(FLOOR_M, FLOOR_M),
         boxes=(),
-        car=CARS[CAR].spec(),
+        car_kinds=(usual_car(),),
         car_start=np.array([[FLOOR_M / 2, FLOOR_M / 2, 0.0]]),
         arms=ArmTeam.of(()),
         arm_base=np.zeros((0, 4)),
@@ -91,7 +91,7 @@ def drive_steps(commands: FloatArray) -> DriveRecord:
 
 def speed_steps(n: int, rng: np.random.Generator) -> FloatArray:
     """Commands that step the speed, straight on: up, down to a stand, some of them in reverse, shape (n, 2)."""
-    top = CARS[CAR].spec().max_speed_mps
+    top = usual_car().max_speed_mps
     speeds = rng.uniform(0.25, 1.0, n) * top * rng.choice((-1.0, 1.0), n)
     speeds[1::2] = 0.0
     return np.stack((np.zeros(n), speeds), axis=1)
@@ -99,13 +99,13 @@ def speed_steps(n: int, rng: np.random.Generator) -> FloatArray:
 
 def steering_steps(n: int, rng: np.random.Generator) -> FloatArray:
     """Commands that step the steering at a low speed, shape (n, 2)."""
-    most = CARS[CAR].spec().max_steering_rad
+    most = usual_car().max_steering_rad
     return np.stack((rng.uniform(-most, most, n), np.full(n, STEER_SPEED_MPS)), axis=1)
 
 
 def circles(n: int, rng: np.random.Generator) -> FloatArray:
     """Commands for circles, from slow and wide to so fast and tight that tyres slip, shape (n, 2)."""
-    spec = CARS[CAR].spec()
+    spec = usual_car()
     angles = rng.uniform(0.1, 1.0, n) * spec.max_steering_rad * rng.choice((-1.0, 1.0), n)
     return np.stack((angles, rng.uniform(0.25, 1.0, n) * spec.max_speed_mps), axis=1)
 

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from fleet.arrays import FloatArray
-from fleet.robots import CARS
+from fleet.robots.cars.models import usual_car
 from fleet.scale.car_model import (
     CarModel,
     Residuals,
@@ -22,7 +22,6 @@ from fleet.scale.car_model import (
     simulated_turns,
 )
 from fleet.scale.drives import DriveRecord, circles, drive_site, drive_steps, speed_steps, steering_steps
-from fleet.world.site_scene import CAR
 
 N_STEPS = 24
 """Commands of each kind of step."""
@@ -88,7 +87,7 @@ def fit_cars(site: str, robots: int, seed: int, duration_s: float) -> FitOutcome
     rng = np.random.default_rng(seed)
     speed, steering, turning = (drive_steps(make(N_STEPS, rng)) for make in (speed_steps, steering_steps, circles))
     fleet = drive_site(site, robots, seed, duration_s)
-    today = CarModel.today(CARS[CAR].spec())
+    today = CarModel.today(usual_car())
     begin = replace(today, speed_lag_s=LAG_S, steering_lag_s=LAG_S)
     steps = fit_car(begin, SPEED + STEERING + TURNING, speed=speed, steering=steering, turning=turning)
     from_steps = replace(steps.model, speed_lag_s=LAG_S, steering_lag_s=LAG_S)

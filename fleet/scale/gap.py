@@ -12,7 +12,7 @@ from fleet.charts.drawing import Drawing
 from fleet.charts.forest import ForestLine, draw_forest
 from fleet.charts.statistics import Estimate, estimate, paired
 from fleet.recording.run_file import plain
-from fleet.robots import racecar_spec
+from fleet.robots.cars.models import usual_car
 from fleet.run.starts import require_room
 from fleet.scale.gap_run import GapDesign, GapRow, measure_run
 from fleet.study.pool import run_each
@@ -59,7 +59,7 @@ def check_gap(design: GapDesign) -> None:
     site = load_site(design.site)
     require_room(design.robots, site)
     if design.orders is not None:
-        payload_kg = racecar_spec().max_payload_kg
+        payload_kg = usual_car().max_payload_kg
         read_orders(design.orders, site, [ability_of(car, payload_kg) for car in range(design.robots)], n_chargers=0)
 
 

@@ -148,8 +148,11 @@ class Watch:
         self._run = run
         self._figures = figures
         self._recorder = recorder
-        car = run.scene.car
-        self._lidar = LidarRing(Lidar(), car.front_m, car.rear_m, car.half_width_m) if lidar else None
+        models = run.scene.cars
+        self._lidars = [
+            (np.flatnonzero(models.kind_of == kind), LidarRing(Lidar(), car.front_m, car.rear_m, car.half_width_m))
+            for kind, car in enumerate(models.kinds if lidar else ())
+        ]
         self._delays = Delays(run)
         self._internals = internals
         if internals:
@@ -251,8 +254,10 @@ class Watch:
         run = self._run
         frame.held_by = run.executor.dependencies.holders()
         frame.next_of = run.executor.dependencies.next_visitors()
-        if self._lidar is not None:
-            frame.scan_origins, frame.scans = self._lidar.hits(frame.car_poses, run.world.rays)
+        if self._lidars:
+            scans = [lidar.hits(frame.car_poses[cars], run.world.rays) for cars, lidar in self._lidars]
+            frame.scan_origins = np.concatenate([origins for origins, _ in scans])
+            frame.scans = np.concatenate([hits for _, hits in scans])
 
     def _look_at_figures(self, frame: Frame) -> None:
         """Plotted figures; counts of tasks where they change, and now and then, so that their lines go on."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from fleet.recording.run_file import plain
-from fleet.robots import racecar_spec
+from fleet.robots.cars.models import usual_car
 from fleet.run.starts import require_room
 from fleet.study.backend import Backend
 from fleet.study.design import Design, StudyError
@@ -49,7 +49,7 @@ def check(design: Design) -> None:
         allocator_named(allocator, design.allocator_settings.get(allocator, {}), what="--allocators")
     design.run_config(design.variants[0]).traffic.make_planner(seed=0)
     if design.orders is not None:
-        payload_kg = racecar_spec().max_payload_kg
+        payload_kg = usual_car().max_payload_kg
         # What the smallest fleet can do all can.
         cars = [ability_of(car, payload_kg) for car in range(min(design.robots))]
         read_orders(design.orders, site, cars, n_chargers=len(site.chargers) if design.battery else 0)

@@ -15,7 +15,8 @@ from maps.reading.shown import shown
 from maps.site import Site
 
 MIN_EDGE_M, MAX_EDGE_M = 0.04, 0.10
-MIN_MASS_KG, MAX_MASS_KG = 0.05, 2.0
+MIN_MASS_KG, MAX_MASS_KG = 0.05, 3.0
+"""Masses of parcels [kg]; a suction cup holds 3.4 kg three times over."""
 MAX_GENERATED_KG = 0.5
 """Heaviest parcel of an order that is not read from a file [kg]."""
 _GENERATED_EDGE_M = (0.05, 0.08)
@@ -112,6 +113,8 @@ class Ability:
 
     max_payload_kg: float
     capabilities: frozenset[str] = frozenset()
+    slowness: float = 1.0
+    """How many times as long as other cars it takes for its way, at least 1."""
 
     def fits(self, order: Order) -> bool:
         """Whether the car may take an order."""
@@ -119,9 +122,10 @@ class Ability:
 
 
 @functools.lru_cache(4096)  # the same cars in every episode
-def ability_of(car: int, max_payload_kg: float, capabilities: tuple[str, ...] = ()) -> Ability:
+def ability_of(car: int, max_payload_kg: float, capabilities: tuple[str, ...] = (), slowness: float = 1.0) -> Ability:
     """What a car can do; its name is a capability too, so that an order can ask for this very car."""
-    return Ability(max_payload_kg=max_payload_kg, capabilities=frozenset((f"car_{car}", *capabilities)))
+    named = frozenset((f"car_{car}", *capabilities))
+    return Ability(max_payload_kg=max_payload_kg, capabilities=named, slowness=slowness)
 
 
 def misfit(order: Order, abilities: Sequence[Ability], grip_kg: float = math.inf) -> str | None:

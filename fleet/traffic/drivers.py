@@ -12,9 +12,9 @@ from numba import njit
 
 from fleet.arrays import BoolArray, CellArray, FloatArray, IntArray
 from fleet.config import EstimateConfig
+from fleet.robots.cars.models import CarModels
 from fleet.robots.estimator import PoseEstimator
 from fleet.robots.pursuit import Follower, PathBuffer, Pieces, any_beyond
-from fleet.robots.spec import CarSpec
 from fleet.traffic.hindrances import Hindrances
 from fleet.traffic.rings import RingArrays, Rings, front
 from fleet.world.protocol import World
@@ -94,7 +94,7 @@ class PathDriver:
 
     Args:
         graph: Lane graph whose moves are driven.
-        spec: The car model.
+        models: Models of the cars.
         start_poses: Rear-axle poses, shape (n_cars, 3); each on its start state.
         tick_s: Control period [s].
         config: Quality of the pose estimate.
@@ -104,7 +104,7 @@ class PathDriver:
     def __init__(
         self,
         graph: LaneGraph,
-        spec: CarSpec,
+        models: CarModels,
         start_poses: FloatArray,
         tick_s: float,
         config: EstimateConfig,
@@ -114,10 +114,9 @@ class PathDriver:
         self._graph = graph
         self.buffer = PathBuffer(n_cars)
         self.buffer.points[:, 0] = start_poses
-        self.follower = Follower(spec, n_cars, tick_s)
+        self.follower = Follower(models, tick_s)
         self.estimator = PoseEstimator(
-            spec,
-            n_cars,
+            models,
             tick_s,
             noise_m=config.noise_m,
             noise_rad=config.noise_rad,

@@ -1,6 +1,6 @@
 """Collisions: bodies of cars that overlap each other or a box are set apart and lose the speed into it.
 
-A stand-in for contact where there is no physics. Bodies are rectangles in the plane, boxes are their footprints.
+A stand-in for contact where there is no physics. Body are rectangles in the plane, boxes are their footprints.
 Two cars each give way by half, along the axis on which they overlap least (separating axes); beside a box the car
 alone gives way. What is left is an overlap of `SLOP_M`, so that bodies which press on each other count as
 touching. A car that drives into a body keeps of its speed only the part along that body's side, less Coulomb's
@@ -33,30 +33,30 @@ N_SHOVES = 40
 
 @njit(cache=True)
 def set_apart(
-    poses: FloatArray, speeds: FloatArray, body: Body, boxes: BinnedBoxes
+    poses: FloatArray, speeds: FloatArray, bodies: Body, boxes: BinnedBoxes
 ) -> None:  # pragma: no cover - compiled
     """Set cars apart, in place, and slow down those that drive into something.
 
     Args:
         poses: Of the rear axles, x, y, yaw, shape (n, 3).
         speeds: Along the cars' headings [m/s], shape (n,).
-        body: What all cars look like.
+        bodies: What cars look like.
         boxes: What stands on the floor.
     """
-    near = 2.0 * math.hypot(body.length, body.width)
+    shift, length, width, _ = bodies
     for _ in range(N_PASSES):
         for i in range(len(poses)):
-            xi, yi, ci, si = _frame(poses, i, body.shift)
+            xi, yi, ci, si = _frame(poses, i, shift[i])
+            circle = math.hypot(length[i], width[i])
             for j in range(i + 1, len(poses)):
-                # Rear axles are further apart than middles by two shifts at most.
-                if abs(poses[i, 0] - poses[j, 0]) > near + 2.0 * abs(body.shift):
+                near = circle + math.hypot(length[j], width[j])
+                # Rear axles are further apart than middles by both shifts at most.
+                if abs(poses[i, 0] - poses[j, 0]) > near + abs(shift[i]) + abs(shift[j]):
                     continue
-                xj, yj, cj, sj = _frame(poses, j, body.shift)
+                xj, yj, cj, sj = _frame(poses, j, shift[j])
                 if (xi - xj) ** 2 + (yi - yj) ** 2 > near * near:
                     continue
-                depth, nx, ny = _overlap(
-                    (xi - xj, yi - yj, ci, si, cj, sj), body.length, body.width, body.length, body.width
-                )
+                depth, nx, ny = _overlap((xi - xj, yi - yj, ci, si, cj, sj), length[i], width[i], length[j], width[j])
                 if depth <= 0.0:
                     continue
                 way = max(depth - SLOP_M, 0.0) / 2.0
@@ -68,12 +68,12 @@ def set_apart(
                 speeds[i] = _along(speeds[i], ci * nx + si * ny)
                 speeds[j] = _along(speeds[j], -cj * nx - sj * ny)
         for i in range(len(poses)):
-            _leave_boxes(poses, speeds, i, body, boxes)
+            _leave_boxes(poses, speeds, i, bodies, boxes)
 
 
 @njit(cache=True)
 def shove(
-    poses: FloatArray, car: int, way: FloatArray, body: Body, boxes: FloatArray
+    poses: FloatArray, car: int, way: FloatArray, bodies: Body, boxes: FloatArray
 ) -> None:  # pragma: no cover - compiled
     """Push one car aside, in place, until it has come that far or something is in the way.
 
@@ -81,32 +81,34 @@ def shove(
         poses: Of the rear axles, x, y, yaw, shape (n, 3).
         car: Which one.
         way: How far along x and y, and about z, shape (3,) [m, m, rad].
-        body: What all cars look like.
+        bodies: What cars look like.
         boxes: What stands on the floor, feet of arms included: middles x, y and half sizes, shape (k, 4).
     """
-    bearable = max(_deepest(poses, car, body, boxes), -SHOVE_GAP_M)
+    bearable = max(_deepest(poses, car, bodies, boxes), -SHOVE_GAP_M)
     for _ in range(N_SHOVES):
         for axis in range(3):
             poses[car, axis] += way[axis] / N_SHOVES
-        if _deepest(poses, car, body, boxes) > bearable:
+        if _deepest(poses, car, bodies, boxes) > bearable:
             for axis in range(3):
                 poses[car, axis] -= way[axis] / N_SHOVES
             return
 
 
 @njit(cache=True)
-def _deepest(poses: FloatArray, car: int, body: Body, boxes: FloatArray) -> float:  # pragma: no cover - compiled
+def _deepest(poses: FloatArray, car: int, bodies: Body, boxes: FloatArray) -> float:  # pragma: no cover - compiled
     """How deep a car is in other cars or boxes, at most; negative if it touches nothing [m]."""
-    x, y, cos, sin = _frame(poses, car, body.shift)
+    shift, lengths, widths, _ = bodies
+    length, width = lengths[car], widths[car]
+    x, y, cos, sin = _frame(poses, car, shift[car])
     deepest = -math.inf
     for other in range(len(poses)):
         if other != car:
-            ox, oy, oc, os = _frame(poses, other, body.shift)
+            ox, oy, oc, os = _frame(poses, other, shift[other])
             places = (x - ox, y - oy, cos, sin, oc, os)
-            deepest = max(deepest, _overlap(places, body.length, body.width, body.length, body.width)[0])
+            deepest = max(deepest, _overlap(places, length, width, lengths[other], widths[other])[0])
     for b in range(len(boxes)):
         places = (x - boxes[b, 0], y - boxes[b, 1], cos, sin, 1.0, 0.0)
-        deepest = max(deepest, _overlap(places, body.length, body.width, boxes[b, 2], boxes[b, 3])[0])
+        deepest = max(deepest, _overlap(places, length, width, boxes[b, 2], boxes[b, 3])[0])
     return deepest
 
 
@@ -156,12 +158,13 @@ def _overlap(
 
 @njit(cache=True)
 def _leave_boxes(
-    poses: FloatArray, speeds: FloatArray, car: int, body: Body, bins: BinnedBoxes
+    poses: FloatArray, speeds: FloatArray, car: int, bodies: Body, bins: BinnedBoxes
 ) -> None:  # pragma: no cover - compiled
     """Push one car out of the boxes in its bins."""
     boxes, _, bin_ptr, bin_box, n_x, n_y = bins
-    circle = math.hypot(body.length, body.width)
-    x, y, cos, sin = _frame(poses, car, body.shift)
+    length, width = bodies.length[car], bodies.width[car]
+    circle = math.hypot(length, width)
+    x, y, cos, sin = _frame(poses, car, bodies.shift[car])
     x0, x1 = max(int((x - circle) / BIN_M), 0), min(int((x + circle) / BIN_M), n_x - 1)
     y0, y1 = max(int((y - circle) / BIN_M), 0), min(int((y + circle) / BIN_M), n_y - 1)
     for iy in range(y0, y1 + 1):
@@ -171,9 +174,7 @@ def _leave_boxes(
                 dx, dy = x - boxes[b, 0], y - boxes[b, 1]
                 if abs(dx) > circle + boxes[b, 2] or abs(dy) > circle + boxes[b, 3]:
                     continue
-                depth, nx, ny = _overlap(
-                    (dx, dy, cos, sin, 1.0, 0.0), body.length, body.width, boxes[b, 2], boxes[b, 3]
-                )
+                depth, nx, ny = _overlap((dx, dy, cos, sin, 1.0, 0.0), length, width, boxes[b, 2], boxes[b, 3])
                 if depth <= 0.0:
                     continue
                 way = max(depth - SLOP_M, 0.0)

@@ -69,13 +69,16 @@ class GridCars:
     Args:
         graph: The lane graph.
         start: Poses x, y, yaw, each that of a state, shape (n_cars, 3).
+        kind_of: Which kind of vehicles each car is, if the graph has several, shape (n_cars,).
         config: Time steps.
 
     Raises:
         NotOnLaneError: A start pose is nowhere near a state.
     """
 
-    def __init__(self, graph: LaneGraph, start: FloatArray, config: GridConfig) -> None:
+    def __init__(self, graph: LaneGraph, start: FloatArray, kind_of: IntArray, config: GridConfig) -> None:
+        self._n_places = graph.n_places
+        self._first_of = (kind_of if graph.n_kinds > 1 else np.zeros_like(kind_of)) * graph.n_places
         self._state_pose = np.asarray(graph.state_pose, dtype=np.float64)
         self._n_states = len(self._state_pose)
         # Every move can be driven backwards, too; where there is a move for it, that one counts.
@@ -130,7 +133,8 @@ class GridCars:
         self._tick[:], self.states[:], self.poses[:], self.speeds[:] = snapshot
 
     def _state_at(self, car: int, pose: FloatArray) -> int:
-        offset = self._state_pose - pose
+        first = int(self._first_of[car])
+        offset = self._state_pose[first : first + self._n_places] - pose
         turn = np.abs((offset[:, 2] + math.pi) % (2.0 * math.pi) - math.pi)
         distance = np.hypot(offset[:, 0], offset[:, 1])
         distance[turn > START_TOLERANCE_RAD] = np.inf
@@ -140,7 +144,7 @@ class GridCars:
                 f"car {car} starts at x, y, yaw = {np.round(pose, 3).tolist()}; valid: within "
                 f"{START_TOLERANCE_M} m and {START_TOLERANCE_RAD} rad of the pose of a lane-graph state"
             )
-        return state
+        return first + state
 
 
 class GridWorld(PlanarWorld):
@@ -159,7 +163,7 @@ class GridWorld(PlanarWorld):
 
     def __init__(self, scene: Scene, graph: LaneGraph, config: GridConfig | None = None) -> None:
         config = config or GridConfig()
-        self._grid_cars = GridCars(graph, scene.car_start, config)
+        self._grid_cars = GridCars(graph, scene.car_start, scene.cars.kind_of, config)
         super().__init__(scene, self._grid_cars, config.tick_s)
 
     def car_states(self) -> IntArray:

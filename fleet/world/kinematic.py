@@ -13,7 +13,7 @@ from numba import njit
 from fleet.arrays import BoolArray, FloatArray, IntArray
 from fleet.errors import ConfigError, FleetError
 from fleet.robots.angle import wrapped
-from fleet.robots.spec import CarSpec
+from fleet.robots.cars.models import CarModels
 from fleet.sensors.camera import Camera, CameraImage
 from fleet.sensors.errors import SensorError
 from fleet.world.arms import ServoArms
@@ -24,7 +24,15 @@ from fleet.world.scene import Scene
 from fleet.world.surroundings import Surroundings, SurroundingsSnapshot
 
 TYRE_GRIP_MPS2 = 0.9 * 9.81
-"""Sideways acceleration that a racecar's tyres hold in physics: their friction on the floor times gravity [m/s^2]."""
+"""Sideways acceleration that a car's tyres hold in physics: their friction on the floor times gravity [m/s^2]."""
+_LIMITS = (
+    "wheelbase_m",
+    "max_speed_mps",
+    "max_accel_mps2",
+    "max_brake_mps2",
+    "max_steering_rad",
+    "max_steering_rate_radps",
+)
 PASS, STOP = CONTACTS = ("pass", "stop")
 """What collisions do in a kinematic world."""
 
@@ -66,7 +74,7 @@ class BicycleCars:
     Tyres do not slip, unless a curve asks for more than their grip: then the car drives a wider one.
 
     Args:
-        spec: Car model with the limits.
+        models: Models of the cars with their limits.
         start: Poses x, y, yaw, shape (n_cars, 3).
         tick_s: Length of a tick [s].
         substep_s: Greatest integration step [s].
@@ -74,19 +82,18 @@ class BicycleCars:
     """
 
     def __init__(
-        self, spec: CarSpec, start: FloatArray, tick_s: float, substep_s: float, grip_mps2: float = math.inf
+        self, models: CarModels, start: FloatArray, tick_s: float, substep_s: float, grip_mps2: float = math.inf
     ) -> None:
         self.poses = np.array(start, dtype=np.float64)
         self.speeds = np.zeros(len(start))
         self.steering = np.zeros(len(start))
-        self._spec = spec
+        self._limits = np.stack([models.each(number) for number in _LIMITS], axis=1)
         self._n_substeps = max(1, math.ceil(tick_s / substep_s - 1e-9))
         self._substep_s = tick_s / self._n_substeps
         self._grip_mps2 = grip_mps2
 
     def step(self, commands: FloatArray) -> None:
         """See `CarMotion`."""
-        spec = self._spec
         _drive(
             self.poses,
             self.speeds,
@@ -94,12 +101,7 @@ class BicycleCars:
             commands,
             self._n_substeps,
             self._substep_s,
-            spec.wheelbase_m,
-            spec.max_speed_mps,
-            spec.max_accel_mps2,
-            spec.max_brake_mps2,
-            spec.max_steering_rad,
-            spec.max_steering_rate_radps,
+            self._limits,
             self._grip_mps2,
         )
 
@@ -152,7 +154,7 @@ class PlanarWorld:
         self._cars = cars
         self._solid = solid
         self._arms = ServoArms(scene.arms, scene.arm_base, scene.arm_start, tick_s)
-        self._parcels = PlanarParcels(scene.boxes, scene.car, self.n_arms)
+        self._parcels = PlanarParcels(scene.boxes, scene.cars, self.n_arms)
         self._failed = np.zeros(self.n_arms, dtype=np.bool_)
         self._surroundings = Surroundings(scene, self._arms)
 
@@ -316,7 +318,7 @@ class KinematicConfig:
     substep_s: float = 0.0125
     """Greatest integration step of the car model [s]."""
     grip_mps2: float = math.inf
-    """Greatest sideways acceleration of cars [m/s^2]; that of a racecar's tyres in physics is `TYRE_GRIP_MPS2`."""
+    """Greatest sideways acceleration of cars [m/s^2]; that of tyres in physics is `TYRE_GRIP_MPS2`."""
     contact: str = PASS
     """`pass`: cars drive through each other and through walls, and only the touches are counted; `stop`: they are set
     apart and lose their speed, see `fleet.world.collisions`."""
@@ -343,7 +345,7 @@ class KinematicWorld(PlanarWorld):
 
     def __init__(self, scene: Scene, config: KinematicConfig | None = None) -> None:
         config = config or KinematicConfig()
-        cars = BicycleCars(scene.car, scene.car_start, config.tick_s, config.substep_s, config.grip_mps2)
+        cars = BicycleCars(scene.cars, scene.car_start, config.tick_s, config.substep_s, config.grip_mps2)
         super().__init__(scene, cars, config.tick_s, solid=config.contact == STOP)
 
     def place(self, car_poses: FloatArray, arm_q: FloatArray) -> None:
@@ -361,17 +363,14 @@ def _drive(  # flat: bundled, it would take 2 us instead of 0.7, as often as the
     commands: FloatArray,
     n_substeps: int,
     dt: float,
-    wheelbase: float,
-    max_speed: float,
-    accel: float,
-    brake: float,
-    max_steering: float,
-    steering_rate: float,
+    limits: FloatArray,
     grip: float,
 ) -> None:
     """Bicycle model by the midpoint rule; speed and steering reach what they can of the command at the tick's end."""
     tick = n_substeps * dt
     for i in range(len(poses)):
+        wheelbase, max_speed, accel, brake = limits[i, 0], limits[i, 1], limits[i, 2], limits[i, 3]
+        max_steering, steering_rate = limits[i, 4], limits[i, 5]
         goal_speed = min(max(commands[i, 1], -max_speed), max_speed)
         goal_steering = min(max(commands[i, 0], -max_steering), max_steering)
         old_speed, old_steering = speeds[i], steering[i]

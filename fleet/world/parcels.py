@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from fleet.arrays import BoolArray, FloatArray, IntArray
 from fleet.errors import FleetError
-from fleet.robots.spec import CarSpec
+from fleet.robots.cars.models import CarModels
 from fleet.world.protocol import ParcelBody
 from fleet.world.scene import StaticBox
 
@@ -66,16 +66,16 @@ class PlanarParcels:
 
     Args:
         boxes: The scene's boxes; parcels rest on those of kind 'pedestal'.
-        car: Model of the cars whose trays carry parcels.
+        cars: Models of the cars whose trays carry parcels.
         n_arms: Number of tools.
     """
 
-    def __init__(self, boxes: tuple[StaticBox, ...], car: CarSpec, n_arms: int) -> None:
+    def __init__(self, boxes: tuple[StaticBox, ...], cars: CarModels, n_arms: int) -> None:
         pedestals = [(*b.centre_m, *b.half_m) for b in boxes if b.kind == "pedestal"]
         self._pedestals = np.array(pedestals, dtype=np.float64).reshape(-1, 6)
-        self._tray_x_m = car.tray_x_m
-        self._tray_half_m = np.array(car.tray_size_m[:2]) / 2.0
-        self._tray_floor_z_m = car.tray_floor_z_m
+        self._tray_x_m = cars.each("tray_x_m")
+        self._tray_half_m = np.array([kind.tray_size_m[:2] for kind in cars.kinds])[cars.kind_of] / 2.0
+        self._tray_floor_z_m = cars.each("tray_floor_z_m")
         self.ids = np.zeros(0, dtype=np.int64)
         self.poses = np.zeros((0, 7))
         self.held = np.full(n_arms, -1, dtype=np.int64)
@@ -215,13 +215,16 @@ class PlanarParcels:
         tops = pedestals[under, 2] + pedestals[under, 5]
         top = max(top, float(tops[tops <= reachable].max(initial=0.0)))
 
-        if top < self._tray_floor_z_m <= reachable:
+        floors_z = self._tray_floor_z_m[: len(car_poses)]
+        below = (top < floors_z) & (floors_z <= reachable)
+        if below.any():
             dx, dy = x - car_poses[:, 0], y - car_poses[:, 1]
             cos, sin = np.cos(car_poses[:, 2]), np.sin(car_poses[:, 2])
+            half = self._tray_half_m
             ahead, left = cos * dx + sin * dy - self._tray_x_m, cos * dy - sin * dx
-            over = np.nonzero((np.abs(ahead) <= self._tray_half_m[0]) & (np.abs(left) <= self._tray_half_m[1]))[0]
+            over = np.nonzero(below & (np.abs(ahead) <= half[:, 0]) & (np.abs(left) <= half[:, 1]))[0]
             if len(over):
-                top, support, carrier = self._tray_floor_z_m, Support.TRAY, int(over[0])
+                top, support, carrier = float(floors_z[over[0]]), Support.TRAY, int(over[0])
 
         # Whatever its centre could lie on is no farther away than its half diagonal.
         reach = np.hypot(self._size_m[:, 0], self._size_m[:, 1]) / 2.0

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
-from fleet.arrays import FloatArray
+import numpy as np
+
+from fleet.arrays import FloatArray, IntArray
 from fleet.robots.arms.team import ArmTeam
+from fleet.robots.cars.models import CarModels
 from fleet.robots.spec import CarSpec
 
 
@@ -26,7 +30,8 @@ class Scene:
     size_m: tuple[float, float]
     """Extent of the floor along x and y [m]; the floor's corner is the origin."""
     boxes: tuple[StaticBox, ...]
-    car: CarSpec
+    car_kinds: tuple[CarSpec, ...]
+    """Models of the cars, at least one."""
     car_start: FloatArray
     """Start poses x, y, yaw [m, m, rad], shape (n_cars, 3)."""
     arms: ArmTeam
@@ -34,3 +39,21 @@ class Scene:
     """Base poses x, y, z, yaw, shape (n_arms, 4)."""
     arm_start: FloatArray
     """Start joint positions [rad], shape (n_arms, n_joints); n_joints is `arms.width` everywhere."""
+
+    car_kind_of: IntArray | None = None
+    """Which of the models each car is, shape (n_cars,); None = all are the first."""
+
+    @cached_property
+    def cars(self) -> CarModels:
+        """Which model each car is."""
+        kind_of = np.zeros(len(self.car_start), dtype=np.int64) if self.car_kind_of is None else self.car_kind_of
+        return CarModels(kinds=self.car_kinds, kind_of=kind_of)
+
+    @property
+    def car(self) -> CarSpec:
+        """The model of all cars, for what is made for one only.
+
+        Raises:
+            ConfigError: There are several.
+        """
+        return self.cars.only

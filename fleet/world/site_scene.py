@@ -7,14 +7,13 @@ import numpy as np
 from fleet.arrays import BoolArray, FloatArray
 from fleet.config import ArmConfig, Grip
 from fleet.errors import ConfigError
-from fleet.robots import ARMS, CARS, TOOLS, ArmSpec, ArmTeam
+from fleet.robots import ARMS, TOOLS, ArmSpec, ArmTeam
+from fleet.robots.cars.models import CarModels, usual_car
 from fleet.world.scene import Scene, StaticBox
 from maps.grid import GridMap
 from maps.site import Site
 from maps.stations import StationPlace
 
-CAR = "racecar"
-"""Car of a site, as in `fleet.robots`."""
 WALL_HEIGHT_M = 0.6
 """Low, so that a viewer looks over the walls; higher than a loaded car."""
 SHELF_HEIGHT_M = 1.2
@@ -26,7 +25,13 @@ STAND_GAP_M = 0.002
 _TOLERANCE_M = 1e-6
 
 
-def scene_of(site: Site, car_start: FloatArray, grip: Grip, arms: ArmConfig | None = None) -> Scene:
+def scene_of(
+    site: Site,
+    car_start: FloatArray,
+    grip: Grip,
+    arms: ArmConfig | None = None,
+    cars: CarModels | None = None,
+) -> Scene:
     """Build the scene of a site.
 
     Args:
@@ -34,6 +39,7 @@ def scene_of(site: Site, car_start: FloatArray, grip: Grip, arms: ArmConfig | No
         car_start: Rear-axle poses, shape (n_cars, 3).
         grip: Decides the arms' tool.
         arms: Names the arm of stations whose site names none, and may set other speed limits than the real arm's.
+        cars: Models of the cars; None = the usual one.
 
     Returns:
         Walls and shelves merged into as few boxes as rectangles allow, a pedestal for every slot, robots at their
@@ -62,8 +68,9 @@ def scene_of(site: Site, car_start: FloatArray, grip: Grip, arms: ArmConfig | No
     return Scene(
         size_m=(site.grid.cols * site.grid.cell_m, site.grid.rows * site.grid.cell_m),
         boxes=tuple(boxes),
-        car=CARS[CAR].spec(),
+        car_kinds=cars.kinds if cars else (usual_car(),),
         car_start=car_start,
+        car_kind_of=cars.kind_of if cars else None,
         arms=team,
         arm_base=base,
         arm_start=team.home_rad.copy(),

@@ -52,16 +52,17 @@ class Surroundings:
     """
 
     def __init__(self, scene: Scene, arms: ServoArms) -> None:
-        car = scene.car
-        low = [b for b in scene.boxes if b.centre_m[2] - b.half_m[2] < car.height_m]
+        cars = scene.cars
+        low = [b for b in scene.boxes if b.centre_m[2] - b.half_m[2] < cars.most("height_m")]
         self._fixed = [(*b.centre_m[:2], *b.half_m[:2]) for b in low]
         self._added: dict[int, tuple[float, float, float, float]] = {}
         self._n_bins = (max(1, math.ceil(scene.size_m[0] / BIN_M)), max(1, math.ceil(scene.size_m[1] / BIN_M)))
-        self._body = Body(
-            shift=(car.front_m - car.rear_m) / 2,
-            length=(car.front_m + car.rear_m) / 2,
-            width=car.half_width_m,
-            height=car.height_m,
+        front_m, rear_m = cars.each("front_m"), cars.each("rear_m")
+        self._bodies = Body(
+            shift=(front_m - rear_m) / 2,
+            length=(front_m + rear_m) / 2,
+            width=cars.each("half_width_m"),
+            height=cars.each("height_m"),
         )
         self._foot_m = scene.arms.foot_m
         n_arms = len(scene.arm_base)
@@ -77,7 +78,7 @@ class Surroundings:
         self.n_static_contacts = 0
         self.of_cars = np.zeros(len(scene.car_start), dtype=np.int64)
         self.of_arms = np.zeros(n_arms, dtype=np.int64)
-        self._touches = Touches(self._body, arms, self._balls)
+        self._touches = Touches(self._bodies, arms, self._balls)
         self._touching: frozenset[int] = frozenset()
         self._sort_boxes()
 
@@ -137,12 +138,12 @@ class Surroundings:
             car_poses: Rear-axle poses x, y, yaw, shape (n_cars, 3).
             car_speeds: Shape (n_cars,) [m/s].
         """
-        set_apart(car_poses, car_speeds, self._body, self._boxes)
+        set_apart(car_poses, car_speeds, self._bodies, self._boxes)
 
     def shove(self, car_poses: FloatArray, car: int, way: FloatArray) -> None:
         """Push one car aside until something is in the way, in place; see `fleet.world.collisions.shove`."""
         feet = np.column_stack((self._balls.xy, self._foot_m, self._foot_m))
-        shove(car_poses, car, way, self._body, np.concatenate((self._boxes.rows, feet)))
+        shove(car_poses, car, way, self._bodies, np.concatenate((self._boxes.rows, feet)))
 
     def rays(self, origins: FloatArray, ends: FloatArray, car_poses: FloatArray) -> FloatArray:
         """Hit fractions in the plane, shape (r,); a body that contains a ray's origin does not stop it.
@@ -150,7 +151,7 @@ class Surroundings:
         Of arms only the feet are in the way.
         """
         out = np.ones(len(origins))
-        _cast(origins, ends, car_poses, self._body, self._boxes, self._balls.xy, self._foot_m, out)
+        _cast(origins, ends, car_poses, self._bodies, self._boxes, self._balls.xy, self._foot_m, out)
         return out
 
     def save(self) -> SurroundingsSnapshot:
@@ -237,7 +238,7 @@ def _cast(
     origins: FloatArray,
     ends: FloatArray,
     cars: FloatArray,
-    body: Body,
+    bodies: Body,
     bins: BinnedBoxes,
     feet: FloatArray,
     foot: FloatArray,
@@ -247,13 +248,12 @@ def _cast(
 
     Source: J. Amanatides, A. Woo, "A fast voxel traversal algorithm for ray tracing", Eurographics 1987.
     """
-    shift, length, width, _ = body
+    shift, length, width, _ = bodies
     boxes, _, bin_ptr, bin_box, n_x, n_y = bins
-    circle2 = length * length + width * width
     frame = np.empty((len(cars), 4))
     for i in range(len(cars)):
         cos, sin = math.cos(cars[i, 2]), math.sin(cars[i, 2])
-        frame[i] = cars[i, 0] + shift * cos, cars[i, 1] + shift * sin, cos, sin
+        frame[i] = cars[i, 0] + shift[i] * cos, cars[i, 1] + shift[i] * sin, cos, sin
     for r in range(len(origins)):
         ox, oy = origins[r, 0], origins[r, 1]
         dx, dy = ends[r, 0] - ox, ends[r, 1] - oy
@@ -262,10 +262,10 @@ def _cast(
         for i in range(len(cars)):
             px, py = ox - frame[i, 0], oy - frame[i, 1]
             t = min(max(-(px * dx + py * dy) / square, 0.0), 1.0)
-            if (px + t * dx) ** 2 + (py + t * dy) ** 2 <= circle2:
+            if (px + t * dx) ** 2 + (py + t * dy) ** 2 <= length[i] * length[i] + width[i] * width[i]:
                 cos, sin = frame[i, 2], frame[i, 3]
                 ahead, left = cos * px + sin * py, cos * py - sin * px
-                best = _enter(ahead, left, cos * dx + sin * dy, cos * dy - sin * dx, length, width, best)
+                best = _enter(ahead, left, cos * dx + sin * dy, cos * dy - sin * dx, length[i], width[i], best)
         for i in range(len(feet)):
             best = _enter_circle(ox - feet[i, 0], oy - feet[i, 1], dx, dy, foot[i], best)
         ix, iy = math.floor(ox / BIN_M), math.floor(oy / BIN_M)

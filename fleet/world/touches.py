@@ -21,15 +21,15 @@ _SECOND = (1 << _FIRST_SHIFT) - 1
 
 
 class Body(NamedTuple):
-    """A car's body round its rear axle [m]."""
+    """The bodies of cars round their rear axles [m], shape (n_cars,) each."""
 
-    shift: float
+    shift: FloatArray
     """From the axle to its middle."""
-    length: float
+    length: FloatArray
     """Half of it."""
-    width: float
+    width: FloatArray
     """Half of it."""
-    height: float
+    height: FloatArray
 
 
 class BinnedBoxes(NamedTuple):
@@ -87,20 +87,20 @@ def robots_of(code: int) -> tuple[list[int], list[int]]:
 class Touches:
     """The touches of one tick after the other.
 
-    Bodies that both rest touch as they did before, and came no closer.
+    Body that both rest touch as they did before, and came no closer.
 
     Attributes:
         clearance_m: Smallest clearance of robots so far [m]; infinite until two were compared.
         codes: Codes of all pairs that touch now, in no order: the kind above `KIND_SHIFT`, then both bodies.
 
     Args:
-        body: What all cars look like.
+        bodies: What cars look like.
         arms: The arms.
         balls: Their spheres, which are brought to where the arms are.
     """
 
-    def __init__(self, body: Body, arms: ServoArms, balls: ArmBalls) -> None:
-        self._body = body
+    def __init__(self, bodies: Body, arms: ServoArms, balls: ArmBalls) -> None:
+        self._bodies = bodies
         self._arms = arms
         self._balls = balls
         self.clearance_m = math.inf
@@ -122,10 +122,10 @@ class Touches:
         """
         if self._seen is None:
             self._seen = self._nothing_seen(car_poses)
-        seen, body, balls = self._seen, self._body, self._balls
-        _look_around(seen, body, car_poses, balls, self._arms.q, self._arms.points, held)
+        seen, bodies, balls = self._seen, self._bodies, self._balls
+        _look_around(seen, bodies, car_poses, balls, self._arms.q, self._arms.points, held)
         while True:
-            n_codes, clearance = _touches(seen, body, boxes, balls, self.clearance_m, self.codes, self._room)
+            n_codes, clearance = _touches(seen, bodies, boxes, balls, self.clearance_m, self.codes, self._room)
             if n_codes <= len(self._room):
                 break
             self._room = np.zeros(2 * n_codes, dtype=np.int64)
@@ -224,7 +224,7 @@ def _overlap(a: FloatArray, b: FloatArray) -> bool:
 @njit(cache=True)
 def _look_around(
     seen: _Seen,
-    body: Body,
+    bodies: Body,
     car_poses: FloatArray,
     arms: ArmBalls,
     arm_q: FloatArray,
@@ -242,7 +242,7 @@ def _look_around(
                 cars[i, axis] = car_poses[i, axis]
         if car_moved[i]:
             cos, sin = math.cos(cars[i, 2]), math.sin(cars[i, 2])
-            frame[i, 0], frame[i, 1] = cars[i, 0] + body.shift * cos, cars[i, 1] + body.shift * sin
+            frame[i, 0], frame[i, 1] = cars[i, 0] + bodies.shift[i] * cos, cars[i, 1] + bodies.shift[i] * sin
             frame[i, 2], frame[i, 3] = cos, sin
     # By insertion: hardly any two cars change places in a tick.
     for at in range(1, len(by_x)):
@@ -270,13 +270,22 @@ def _look_around(
 
 @njit(cache=True)
 def _touches(
-    seen: _Seen, body: Body, boxes: BinnedBoxes, arms: ArmBalls, clearance: float, before: IntArray, codes: IntArray
+    seen: _Seen,
+    bodies: Body,
+    boxes: BinnedBoxes,
+    arms: ArmBalls,
+    clearance: float,
+    before: IntArray,
+    codes: IntArray,
 ) -> tuple[int, float]:
     """Fill in codes of all pairs that touch now; returns how many, room or not, and the smallest clearance so far."""
     n_codes = _keep(seen, before, codes)
-    n_codes, clearance = _cars_near_cars(seen, body, clearance, codes, n_codes)
-    n_codes = _cars_in_boxes(seen, body, boxes, codes, n_codes)
-    n_codes, clearance = _cars_near_arms(seen, body, arms, clearance, codes, n_codes)
+    circles = np.empty(len(bodies.length))
+    for car in range(len(circles)):
+        circles[car] = math.hypot(bodies.length[car], bodies.width[car])
+    n_codes, clearance = _cars_near_cars(seen, bodies, circles, clearance, codes, n_codes)
+    n_codes = _cars_in_boxes(seen, bodies, circles, boxes, codes, n_codes)
+    n_codes, clearance = _cars_near_arms(seen, bodies, circles, arms, clearance, codes, n_codes)
     return _arms_in_arms(seen, arms, codes, n_codes), clearance
 
 
@@ -297,11 +306,19 @@ def _keep(seen: _Seen, before: IntArray, codes: IntArray) -> int:
 
 
 @njit(cache=True)
-def _cars_near_cars(seen: _Seen, body: Body, clearance: float, codes: IntArray, n_codes: int) -> tuple[int, float]:
+def _widest(circles: FloatArray) -> float:
+    """The greatest radius of a circle round a body [m], 0 without cars."""
+    return circles.max() if len(circles) else 0.0
+
+
+@njit(cache=True)
+def _cars_near_cars(
+    seen: _Seen, bodies: Body, circles: FloatArray, clearance: float, codes: IntArray, n_codes: int
+) -> tuple[int, float]:
     """Compare each car that has moved with those that are near along x."""
     _, frame, by_x, moved, _, _, _ = seen
-    _, length, width, _ = body
-    circle = math.hypot(length, width)
+    _, length, width, _ = bodies
+    widest = _widest(circles)
     for at in range(len(by_x)):
         if not moved[by_x[at]]:
             continue
@@ -309,9 +326,9 @@ def _cars_near_cars(seen: _Seen, body: Body, clearance: float, codes: IntArray, 
             other = at + step
             while 0 <= other < len(by_x):
                 i, j = min(by_x[at], by_x[other]), max(by_x[at], by_x[other])
-                near = 2.0 * circle + clearance
-                if abs(frame[j, 0] - frame[i, 0]) > near:
+                if abs(frame[j, 0] - frame[i, 0]) > circles[by_x[at]] + widest + clearance:
                     break
+                near = circles[i] + circles[j] + clearance
                 dx, dy = frame[j, 0] - frame[i, 0], frame[j, 1] - frame[i, 1]
                 # Of two that have moved, the first one is compared with the second.
                 again = step < 0 and moved[by_x[other]]
@@ -319,8 +336,8 @@ def _cars_near_cars(seen: _Seen, body: Body, clearance: float, codes: IntArray, 
                 if again or dx * dx + dy * dy > near * near:
                     continue
                 gap = _rectangle_gap(
-                    _Rectangle(frame[i, 0], frame[i, 1], frame[i, 2], frame[i, 3], length, width),
-                    _Rectangle(frame[j, 0], frame[j, 1], frame[j, 2], frame[j, 3], length, width),
+                    _Rectangle(frame[i, 0], frame[i, 1], frame[i, 2], frame[i, 3], length[i], width[i]),
+                    _Rectangle(frame[j, 0], frame[j, 1], frame[j, 2], frame[j, 3], length[j], width[j]),
                 )
                 clearance = min(clearance, gap)
                 if gap == 0.0:
@@ -329,17 +346,18 @@ def _cars_near_cars(seen: _Seen, body: Body, clearance: float, codes: IntArray, 
 
 
 @njit(cache=True)
-def _cars_in_boxes(seen: _Seen, body: Body, bins: BinnedBoxes, codes: IntArray, n_codes: int) -> int:
+def _cars_in_boxes(
+    seen: _Seen, bodies: Body, circles: FloatArray, bins: BinnedBoxes, codes: IntArray, n_codes: int
+) -> int:
     """Compare each car that has moved with the boxes in its bins."""
     _, frame, _, moved, _, _, _ = seen
-    _, length, width, _ = body
+    _, length, width, _ = bodies
     boxes, keys, bin_ptr, bin_box, n_x, n_y = bins
-    circle = math.hypot(length, width)
     for i in range(len(frame)):
         if not moved[i]:
             continue
-        x, y = frame[i, 0], frame[i, 1]
-        car = _Rectangle(x, y, frame[i, 2], frame[i, 3], length, width)
+        x, y, circle = frame[i, 0], frame[i, 1], circles[i]
+        car = _Rectangle(x, y, frame[i, 2], frame[i, 3], length[i], width[i])
         x0, x1 = max(int((x - circle) / BIN_M), 0), min(int((x + circle) / BIN_M), n_x - 1)
         y0, y1 = max(int((y - circle) / BIN_M), 0), min(int((y + circle) / BIN_M), n_y - 1)
         for iy in range(y0, y1 + 1):
@@ -356,27 +374,27 @@ def _cars_in_boxes(seen: _Seen, body: Body, bins: BinnedBoxes, codes: IntArray, 
 
 @njit(cache=True)
 def _cars_near_arms(
-    seen: _Seen, body: Body, arms: ArmBalls, clearance: float, codes: IntArray, n_codes: int
+    seen: _Seen, bodies: Body, circles: FloatArray, arms: ArmBalls, clearance: float, codes: IntArray, n_codes: int
 ) -> tuple[int, float]:
     """Compare arms that have moved with all cars near them, and the others with cars that have moved."""
     _, frame, by_x, car_moved, _, _, arm_moved = seen
-    _, length, width, height = body
+    _, length, width, height = bodies
     spheres, arm_xy, serving, reach = arms
-    circle = math.hypot(length, width)
+    widest = _widest(circles)
     moving = by_x[car_moved[by_x]]
     all_x, moving_x = frame[by_x, 0], frame[moving, 0]
     for a in range(len(spheres)):
         cars, xs = (by_x, all_x) if arm_moved[a] else (moving, moving_x)
-        farthest = reach + 2.0 * max(spheres[a, -1, 3], 0.0) + circle + clearance
+        farthest = reach + 2.0 * max(spheres[a, -1, 3], 0.0) + widest + clearance
         for at in range(np.searchsorted(xs, arm_xy[a, 0] - farthest), len(cars)):
             if xs[at] > arm_xy[a, 0] + farthest:
                 break
             i = cars[at]
             dx, dy = frame[i, 0] - arm_xy[a, 0], frame[i, 1] - arm_xy[a, 1]
-            near = reach + 2.0 * max(spheres[a, -1, 3], 0.0) + circle + clearance
+            near = reach + 2.0 * max(spheres[a, -1, 3], 0.0) + circles[i] + clearance
             if i == serving[a] or dx * dx + dy * dy > near * near:
                 continue
-            gap = _arm_gap(spheres[a], frame[i], length, width, height)
+            gap = _arm_gap(spheres[a], frame[i], length[i], width[i], height[i])
             clearance = min(clearance, gap)
             if gap == 0.0:
                 n_codes = _note(codes, n_codes, CAR_ARM, i, a)

@@ -31,7 +31,7 @@ from maps.reading.text_file import FileError, parse_json
 from maps.site import Site
 
 _VERSION = "1.0.0"
-_VEHICLE = "fleet.racecar"
+_VEHICLE = "fleet.carlike"
 _VALID = "LIF 1.0.0, a JSON object with metaInformation and layouts"
 _EXPORTED = "1970-01-01T00:00:00Z"
 """The format wants a time. The same site is the same file, so it is always this one."""

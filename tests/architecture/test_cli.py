@@ -102,7 +102,8 @@ def test_words_are_read_as_the_help_says(name: str) -> None:
 
 def test_the_demo_has_the_defaults_of_a_run() -> None:
     command, config = parsed("demo"), RunConfig()
-    for name in ("site", "robots", "tasks", "stream", "orders", "seed", "grip", "perception", "askew", "fidelity"):
+    assert command.robots is None  # a number of its own is that of a run
+    for name in ("site", "tasks", "stream", "orders", "seed", "grip", "perception", "askew", "fidelity"):
         assert getattr(command, name) == getattr(config, name)
     assert command.duration == config.duration_s
     assert command.arms == config.arms.model
@@ -149,6 +150,8 @@ def test_every_option_of_the_demo_takes_another_value() -> None:
         "--askew",
         "--workers",
         "2",
+        "--cars",
+        "some:2",
         "--planner-setting",
         "impatience=2",
         "--planner-setting=impatience=3",

@@ -224,6 +224,15 @@ def test_an_arm(tree: Copy, row: Row, repository: Path) -> None:
     assert "4 passed" in tree.run("-m", "pytest", "-q", "-k", "reacher", "test_robots.py")
 
 
+@of_part("car")
+def test_a_car(tree: Copy, row: Row, repository: Path) -> None:
+    text = (repository / "tests" / "hauler.py").read_text(encoding="utf-8")
+    tree.add(row, text, name="hauler", line='"hauler": "fleet.robots.cars.hauler",')
+    tree.run("-m", "fleet", "demo", "--fidelity", "grid", "--no-record", "--cars", "hauler:1,racecar:1")
+    shutil.copy(repository / "tests" / "contract" / "test_robots.py", tree.root)
+    assert "3 passed" in tree.run("-m", "pytest", "-q", "-k", "hauler", "test_robots.py")
+
+
 @of_part("site")
 def test_a_site(tree: Copy, row: Row, repository: Path) -> None:
     # Without what the page says of single stations: docks of sites that ship stand where the plan has them.

@@ -47,12 +47,13 @@ FAMILIES = [
     ),
     Family(
         package="fleet.robots",
-        tables=("CARS",),
+        tables=(),
         support=frozenset(
             {
                 "angle",
                 "arms",
                 "battery",
+                "cars",
                 "description",
                 "errors",
                 "estimator",
@@ -64,6 +65,12 @@ FAMILIES = [
                 "twist",
             }
         ),
+        maker="spec",
+    ),
+    Family(
+        package="fleet.robots.cars",
+        tables=("CARS",),
+        support=frozenset({"ackermann_body", "models", "words"}),
         maker="spec",
     ),
     Family(

@@ -12,7 +12,7 @@ import pytest
 from scipy.optimize import least_squares
 
 from fleet.robots import ARMS, ArmTeam
-from fleet.robots.racecar import racecar_spec
+from fleet.robots.cars.racecar import racecar_spec
 from fleet.sensors.camera import Camera
 from fleet.sensors.errors import SensorError
 from fleet.world.grid import GridConfig, GridWorld
@@ -50,7 +50,7 @@ def scene() -> Scene:
             StaticBox(kind="wall", centre_m=(7.5, 3.0, 0.5), half_m=(0.5, 3.0, 0.5)),
             StaticBox(kind="pedestal", centre_m=(SLOT[0], SLOT[1], 0.125), half_m=(0.08, 0.08, 0.125)),
         ),
-        car=racecar_spec(),
+        car_kinds=(racecar_spec(),),
         car_start=np.array([[1.5, LANE_Y_M, 0.0], [5.5, LANE_Y_M, 0.0]]),
         arms=ArmTeam.alike(arm, 1),
         arm_base=np.array([[*ARM_XY, 0.0, ARM_YAW]]),

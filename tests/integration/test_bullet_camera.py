@@ -6,7 +6,8 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from fleet.robots import ARMS, ArmTeam, racecar_spec
+from fleet.robots import ARMS, ArmTeam
+from fleet.robots.cars.racecar import racecar_spec
 from fleet.sensors.camera import Camera
 from fleet.world.bullet.world import BulletWorld
 from fleet.world.protocol import ParcelBody
@@ -28,7 +29,7 @@ def world() -> Iterator[BulletWorld]:
     scene = Scene(
         size_m=(3.0, 3.0),
         boxes=(StaticBox(kind="pedestal", centre_m=(1.0, 1.0, 0.1), half_m=(0.3, 0.3, 0.1)),),
-        car=racecar_spec(),
+        car_kinds=(racecar_spec(),),
         car_start=np.zeros((0, 3)),
         arms=ArmTeam.alike(arm, 1),
         arm_base=np.array([[2.4, 2.4, 0.0, 0.0]]),

@@ -9,7 +9,8 @@ import numpy.typing as npt
 import pytest
 
 from fleet.config import Grip
-from fleet.robots import ARMS, TOOLS, ArmTeam, racecar_spec
+from fleet.robots import ARMS, TOOLS, ArmTeam
+from fleet.robots.cars.racecar import racecar_spec
 from fleet.world.bullet import BulletConfig, BulletWorld
 from fleet.world.protocol import ParcelBody
 from fleet.world.scene import Scene, StaticBox
@@ -36,7 +37,7 @@ def crowded(grip: Grip = Grip.SUCTION, cars: tuple[tuple[float, float, float], .
     scene = Scene(
         size_m=(10.0, 10.0),
         boxes=BOXES,
-        car=racecar_spec(),
+        car_kinds=(racecar_spec(),),
         car_start=np.array(cars),
         arms=ArmTeam.alike(arm, 2),
         arm_base=np.array([[3.0, 4.0, 0.0, 0.7], [6.0, 6.0, 0.2, -2.0]]),

@@ -13,7 +13,8 @@ import pytest
 
 from fleet.config import Connect, Grip
 from fleet.errors import ConfigError
-from fleet.robots import ARMS, TOOLS, ArmTeam, racecar_spec
+from fleet.robots import ARMS, TOOLS, ArmTeam
+from fleet.robots.cars.racecar import racecar_spec
 from fleet.world.bullet import BulletConfig, BulletWorld
 from fleet.world.bullet.confirm import PathConfirmer
 from fleet.world.bullet.engine.client import Client, PhysicsError
@@ -38,7 +39,7 @@ def scene_of(**parts: object) -> Scene:
     empty = Scene(
         size_m=(10.0, 10.0),
         boxes=(),
-        car=racecar_spec(),
+        car_kinds=(racecar_spec(),),
         car_start=np.zeros((0, 3)),
         arms=ArmTeam.alike(ARMS["iiwa"].spec(), 0),
         arm_base=np.zeros((0, 4)),
@@ -507,12 +508,13 @@ def test_bad_worlds_are_refused(make_world: MakeWorld, monkeypatch: pytest.Monke
 def test_the_engine_prints_nothing() -> None:
     code = """
 import numpy as np
-from fleet.robots import ARMS, ArmTeam, racecar_spec
+from fleet.robots import ARMS, ArmTeam
+from fleet.robots.cars.racecar import racecar_spec
 from fleet.world.bullet import BulletWorld
 from fleet.world.scene import Scene
 arm = ARMS["iiwa"].spec()
-scene = Scene(size_m=(5.0, 5.0), boxes=(), car=racecar_spec(), car_start=np.ones((1, 3)), arms=ArmTeam.alike(arm, 1),
-              arm_base=np.zeros((1, 4)), arm_start=arm.home_rad[None])
+scene = Scene(size_m=(5.0, 5.0), boxes=(), car_kinds=(racecar_spec(),), car_start=np.ones((1, 3)),
+              arms=ArmTeam.alike(arm, 1), arm_base=np.zeros((1, 4)), arm_start=arm.home_rad[None])
 world = BulletWorld(scene)
 world.step(np.zeros((1, 2)), arm.home_rad[None], np.zeros((1, 7)), np.zeros(1, dtype=bool))
 world.close()

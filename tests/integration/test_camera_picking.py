@@ -12,7 +12,7 @@ import pytest
 from fleet.config import ArmConfig, Fidelity, Grip, RunConfig
 from fleet.errors import ConfigError
 from fleet.missions.parcels.perception import SeenPoses, Sighting
-from fleet.robots import racecar_spec
+from fleet.robots.cars.racecar import racecar_spec
 from fleet.simulation import Simulation
 from fleet.stations.arms.arm_controller import ArmPhase
 from fleet.stations.arms.transfer import FetchRequest, TransferRequest

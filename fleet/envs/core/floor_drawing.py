@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from fleet.arrays import FloatArray
 from fleet.envs.core.base import Picture
-from fleet.robots.racecar import racecar_spec
+from fleet.robots.cars.models import usual_car
 from maps.site import Site
 
 LONGER_SIDE_PX = 960
@@ -35,7 +35,7 @@ class FloorDrawing:
         low, high = CELL_PX
         self._scale = max(low, min(high, LONGER_SIDE_PX // max(rows, cols)))
         self._pixels_per_m = self._scale / site.grid.cell_m
-        self._car = racecar_spec()
+        self._car = usual_car()
         cells = np.empty((rows, cols, 3), dtype=np.uint8)
         cells[:] = FLOOR
         cells[site.walls], cells[site.shelves] = WALL, SHELF

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fleet.envs.navigate.rows import FIRST_OTHER, N_OTHERS, N_OWN, N_PER_OTHER, NEAR_M
-from fleet.robots.racecar import racecar_spec
+from fleet.robots.cars.models import usual_car
 
 AIM = 1
 """Number of the way-point that is steered at."""
@@ -31,7 +31,7 @@ class PursuitPolicy:
     """
 
     def __init__(self) -> None:
-        spec = racecar_spec()
+        spec = usual_car()
         self._wheelbase_m = spec.wheelbase_m
         self._max_steering_rad = spec.max_steering_rad
         self._max_speed_mps = spec.max_speed_mps

@@ -36,7 +36,7 @@ from fleet.envs.handover.rows import (
     Rows,
 )
 from fleet.envs.warehouse.control.hands import N_TIP, TIP_MPS, TIP_RADPS
-from fleet.robots.racecar import racecar_spec
+from fleet.robots.cars.models import usual_car
 
 _CRUISE, _CREEP = 0.9, 0.12
 """Greatest and least speed of a car, as shares of the full one."""
@@ -68,7 +68,7 @@ class FirstCome:
 
     def __init__(self, seed: int = 0) -> None:
         del seed
-        car = racecar_spec()
+        car = usual_car()
         self._car = np.array([car.wheelbase_m, car.max_steering_rad])
 
     def act(self, env: Any, observations: Mapping[str, npt.NDArray[np.float32]]) -> dict[str, Any]:

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from fleet.arrays import FloatArray
-from fleet.robots.spec import CarSpec
+from fleet.robots.cars.models import CarModels
 from fleet.stations.station import Station
 from fleet.stations.stations import Stations
 from fleet.tasks.board import Task, TaskBoard, TaskState
@@ -34,7 +34,7 @@ class Inventory:
     Args:
         board: The tasks; a task's index is its parcel's identity.
         stations: The stations.
-        car: The car model, for its tray.
+        models: Models of the cars, for their trays.
         world: Where parcels lie.
         log: Called as ``log(kind, **facts)`` when a parcel enters or leaves.
         collect_after_s: Time a delivered parcel stays on its slot [s].
@@ -45,7 +45,7 @@ class Inventory:
         self,
         board: TaskBoard,
         stations: Stations,
-        car: CarSpec,
+        models: CarModels,
         world: World,
         log: Log,
         collect_after_s: float,
@@ -55,7 +55,7 @@ class Inventory:
         self.n_left = 0
         self._board = board
         self._stations = stations
-        self._car = car
+        self._models = models
         self._world = world
         self._log = log
         self._collect_after_s = collect_after_s
@@ -94,8 +94,9 @@ class Inventory:
     def enter_tray(self, task: Task, car: int) -> None:
         """Put the parcel of a task into the middle of a car's tray: the run begins with it there."""
         x, y, yaw = self._world.car_poses()[car].tolist()
-        ahead_m, size = self._car.tray_x_m, task.delivery.size_m
-        place = x + ahead_m * np.cos(yaw), y + ahead_m * np.sin(yaw), self._car.tray_floor_z_m + size[2] / 2 + DROP_M
+        model, size = self._models[car], task.delivery.size_m
+        ahead_m, z = model.tray_x_m, model.tray_floor_z_m + size[2] / 2 + DROP_M
+        place = x + ahead_m * np.cos(yaw), y + ahead_m * np.sin(yaw), z
         pose = np.array([*place, 0.0, 0.0, np.sin(yaw / 2), np.cos(yaw / 2)])
         self._world.add_parcel(ParcelBody(parcel=task.parcel, size_m=size, mass_kg=task.delivery.mass_kg, pose=pose))
         self.n_entered += 1
@@ -215,13 +216,13 @@ class Inventory:
 
     def _holds(self, car: int, pose: FloatArray) -> bool:
         x, y, yaw = self._world.car_poses()[car]
-        dx, dy = pose[0] - x, pose[1] - y
-        ahead = np.cos(yaw) * dx + np.sin(yaw) * dy - self._car.tray_x_m
+        dx, dy, model = pose[0] - x, pose[1] - y, self._models[car]
+        ahead = np.cos(yaw) * dx + np.sin(yaw) * dy - model.tray_x_m
         left = -np.sin(yaw) * dx + np.cos(yaw) * dy
-        length, width, height = self._car.tray_size_m
+        length, width, height = model.tray_size_m
         inside = abs(ahead) <= length / 2 and abs(left) <= width / 2
         # A parcel may rest on others' edges or on the rim, but one that is still in the air over the tray is not in it.
-        up = pose[2] - self._car.tray_floor_z_m
+        up = pose[2] - model.tray_floor_z_m
         return bool(inside and -0.02 < up < height + MAX_EDGE_M)
 
 

@@ -25,6 +25,7 @@ from fleet.recording.rerun_stream.poses import (
     snapped,
 )
 from fleet.recording.rerun_stream.scenery import log_part, log_tags
+from fleet.robots.spec import CarSpec
 from fleet.world.scene import Scene
 
 CAR_BODIES = f"world/cars/{BODY}"
@@ -46,6 +47,15 @@ class _DrawnArms(NamedTuple):
     """Entity of each drawn link by its number; the base goes once it is placed."""
 
 
+class _DrawnModel(NamedTuple):
+    """The cars of one model."""
+
+    spec: CarSpec
+    cars: IntArray
+    parts: list[tuple[str, Part]]
+    """Their entities and what is drawn there."""
+
+
 class DrawnBodies:
     """Writes where everything is.
 
@@ -61,11 +71,17 @@ class DrawnBodies:
         self._scene = scene
         n_cars = len(scene.car_start)
         self._wheels = n_cars <= _FEW_CARS
-        self._car_parts = self._opened("world/cars", car_parts(scene.car, wheels=self._wheels) if n_cars else ())
+        models, self._models = scene.cars, list[_DrawnModel]()
+        for kind, spec in enumerate(models.kinds if n_cars else ()):
+            cars = np.flatnonzero(models.kind_of == kind)
+            root = f"world/cars/{spec.name}" if kind else "world/cars"
+            parts = self._opened(root, car_parts(spec, wheels=self._wheels))
+            self._models.append(_DrawnModel(spec, cars, parts))
+            log_tags(rec, f"{root}/{BODY}", cars.tolist(), n_cars, spec)
+        self._wheel_radius_m = models.each("wheel_radius_m")
         self._arm_models = list(self._opened_arms())
         self._chain = ArmChain(scene.arms)
         self._place_bases()
-        log_tags(rec, CAR_BODIES, n_cars, scene.car)
         self._arm_q: FloatArray | None = None
         self._wheel_angle: FloatArray = np.zeros(n_cars)
         self._rolled_s: float | None = None
@@ -110,20 +126,22 @@ class DrawnBodies:
                 self._rec.log(links.pop(0), base, static=True)
 
     def _write_cars(self, frames: Sequence[Frame], index: list[Times]) -> None:
-        if not self._car_parts:
+        if not self._models:
             return
         poses = _stacked([frame.car_poses for frame in frames])
         steering = _stacked([frame.car_steering for frame in frames])
         rolled = self._rolled(frames) if self._wheels else steering
-        links = car_link_poses(self._scene.car, poses, steering, rolled, wheels=self._wheels)
-        for path, part in self._car_parts:
-            self._chunks.add(path, index, _instances(*links[part.link]))
+        for spec, cars, parts in self._models:
+            own = (poses[:, cars], steering[:, cars], rolled[:, cars])
+            links = car_link_poses(spec, *own, wheels=self._wheels)
+            for path, part in parts:
+                self._chunks.add(path, index, _instances(*links[part.link]))
 
     def _rolled(self, frames: Sequence[Frame]) -> FloatArray:
         """How far the wheels have turned by what the cars have driven [rad], shape (f, n_cars)."""
         times_s = np.array([frame.sim_s for frame in frames])
         steps_s = np.diff(times_s, prepend=times_s[0] if self._rolled_s is None else self._rolled_s)
-        turns = _stacked([frame.car_speeds for frame in frames]) * steps_s[:, None] / self._scene.car.wheel_radius_m
+        turns = _stacked([frame.car_speeds for frame in frames]) * steps_s[:, None] / self._wheel_radius_m
         angles = self._wheel_angle + np.cumsum(turns, axis=0)
         self._wheel_angle, self._rolled_s = angles[-1], frames[-1].sim_s
         return angles

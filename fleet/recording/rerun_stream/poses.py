@@ -69,15 +69,15 @@ def _about(axis: int, angle: Array) -> Array:
     return quat
 
 
-def ackermann_angles(spec: CarSpec, steering: Array) -> tuple[Array, Array]:
+def ackermann_angles(wheelbase_m: Array | float, track_m: Array | float, steering: Array) -> tuple[Array, Array]:
     """Steering of the left and the right front wheel for a bicycle-equivalent angle [rad], same shape.
 
     Source: R. Rajamani, Vehicle Dynamics and Control, 2nd ed., section 2.5: all wheels turn about one centre.
     """
     small = np.abs(steering) < _STRAIGHT_RAD
-    radius = spec.wheelbase_m / np.tan(np.where(small, _STRAIGHT_RAD, steering))
-    left = np.arctan(spec.wheelbase_m / (radius - spec.track_m / 2))
-    right = np.arctan(spec.wheelbase_m / (radius + spec.track_m / 2))
+    radius = wheelbase_m / np.tan(np.where(small, _STRAIGHT_RAD, steering))
+    left = np.arctan(wheelbase_m / (radius - track_m / 2))
+    right = np.arctan(wheelbase_m / (radius + track_m / 2))
     return np.where(small, steering, left), np.where(small, steering, right)
 
 
@@ -107,7 +107,7 @@ def car_link_poses(
     yaw = poses[..., 2]
     cos, sin = np.cos(yaw), np.sin(yaw)
     roll = _about(1, wheel_angle)
-    left, right = ackermann_angles(spec, steering)
+    left, right = ackermann_angles(spec.wheelbase_m, spec.track_m, steering)
     straight = np.zeros_like(yaw)
     turns = dict(zip(WHEELS, (straight, straight, left, right), strict=True))
     for link, (ahead, aside, up) in zip(WHEELS, spec.wheel_places.tolist(), strict=True):

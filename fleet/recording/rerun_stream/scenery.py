@@ -108,16 +108,16 @@ def log_part(rec: rr.RecordingStream, path: str, part: Part) -> None:
     )
 
 
-def log_tags(rec: rr.RecordingStream, path: str, n_cars: int, spec: CarSpec) -> None:
-    """Log the coloured plates with the cars' names that lie under the bodies and move with them."""
+def log_tags(rec: rr.RecordingStream, path: str, cars: list[int], n_cars: int, spec: CarSpec) -> None:
+    """Log the coloured plates with the names of some of the cars that lie under the bodies and move with them."""
     length, width = spec.front_m + spec.rear_m, 2 * spec.half_width_m
     rec.log(
         path,
         rr.Boxes3D(
-            centers=[((spec.front_m - spec.rear_m) / 2, 0.0, 0.012)] * n_cars,
-            half_sizes=[(length / 2, width / 2, 0.004)] * n_cars,
-            colors=palette.identity_colours(range(n_cars)),
-            labels=[f"car_{i}" if n_cars <= _FEW_CARS else str(i) for i in range(n_cars)],
+            centers=[((spec.front_m - spec.rear_m) / 2, 0.0, 0.012)] * len(cars),
+            half_sizes=[(length / 2, width / 2, 0.004)] * len(cars),
+            colors=palette.identity_colours(cars),
+            labels=[f"car_{i}" if n_cars <= _FEW_CARS else str(i) for i in cars],
             show_labels=n_cars <= MANY_CARS,
             fill_mode="solid",
         ),

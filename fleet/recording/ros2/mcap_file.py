@@ -61,7 +61,8 @@ class McapFile:
             from mcap.writer import Writer
         except ImportError as error:
             raise RecordingError(f"{path}: MCAP needs the package mcap; valid: {EXTRA}") from error
-        self._path, self._scene = path, scene
+        self._path = path
+        self._wheelbase_m, self._track_m = scene.cars.each("wheelbase_m"), scene.cars.each("track_m")
         self._part = path.with_name(path.name + ".part")
         try:
             self._file = self._part.open("wb")
@@ -123,9 +124,8 @@ class McapFile:
             position, quat = self._chain.link_poses(self._at_home, arm_q[None])
             numbers += np.column_stack((position[-1, 0], quat[-1, 0])).ravel().tolist()
         self._write(self._tf, time_ns, self._transforms.encoded(time_ns, numbers))
-        car = self._scene.car
-        left, right = ackermann_angles(car, car_steering)
-        turning = car_speeds * np.tan(car_steering) / car.wheelbase_m
+        left, right = ackermann_angles(self._wheelbase_m, self._track_m, car_steering)
+        turning = car_speeds * np.tan(car_steering) / self._wheelbase_m
         for k, row in enumerate(rows.tolist()):
             twist = [float(car_speeds[k]), 0.0, 0.0, 0.0, 0.0, float(turning[k])]
             self._write(self._odom[k], time_ns, self._odometry[k].encoded(time_ns, row + twist))

@@ -37,6 +37,8 @@ class ArmCell:
     Boxes are oriented about z; rows of the arrays belong together.
     """
 
+    car: CarSpec
+    """What cars at the dock look like, and their trays."""
     base_pose: FloatArray
     """World pose of the base, x, y, z, yaw, shape (4,)."""
     slots: FloatArray
@@ -107,7 +109,7 @@ def arm_cells(site: Site, scene: Scene) -> tuple[ArmCell, ...]:
 
 def _arm_cell(site: Site, scene: Scene, arm: int, place: StationPlace, near_boxes: list[StaticBox]) -> ArmCell:
     base = np.array(scene.arm_base[arm], dtype=np.float64)
-    grid = site.grid
+    grid, car = site.grid, scene.cars.hull
     boxes: list[_Box] = [_Box(np.array([base[0], base[1], -0.05]), np.array([3.0, 3.0, 0.05]), 0.0, FLOOR_FRAME)]
     for box in near_boxes:
         centre, half = np.array(box.centre_m), np.array(box.half_m)
@@ -118,7 +120,7 @@ def _arm_cell(site: Site, scene: Scene, arm: int, place: StationPlace, near_boxe
         # Always as if the rack were full of the largest parcels, so that a plan holds whatever lies there.
         top = np.array([x, y, z + MAX_EDGE_M / 2])
         boxes.append(_Box(top, np.full(3, MAX_EDGE_M / 2), name=f"slot {number}"))
-    boxes += _car_boxes(scene.car, place)
+    boxes += _car_boxes(car, place)
     for lane_cell in _lane_cells_around(grid, base):
         if lane_cell == place.dock.cell:
             continue
@@ -129,6 +131,7 @@ def _arm_cell(site: Site, scene: Scene, arm: int, place: StationPlace, near_boxe
             boxes.append(_Box(np.array([x, y, PASSING_CAR_M / 2]), half, name=name))
     near = [box for box in boxes if _gap(box, base) < REACH_M] + _fence(base)
     cell = ArmCell(
+        car=car,
         base_pose=base,
         slots=np.empty((0, 3)),
         tray=np.empty(3),
@@ -143,9 +146,10 @@ def _arm_cell(site: Site, scene: Scene, arm: int, place: StationPlace, near_boxe
     dock_x, dock_y = grid.xy(*grid.row_col(place.dock.cell))
     dock_centre = cell.base_from_world(np.array([dock_x, dock_y, DOCK_CAR_M / 2]))
     x, y, yaw = place.dock.pose
-    ahead = scene.car.tray_x_m
-    tray = np.array([x + ahead * np.cos(yaw), y + ahead * np.sin(yaw), scene.car.tray_floor_z_m])
+    ahead = car.tray_x_m
+    tray = np.array([x + ahead * np.cos(yaw), y + ahead * np.sin(yaw), car.tray_floor_z_m])
     return ArmCell(
+        car=car,
         base_pose=base,
         slots=cell.base_from_world(np.asarray(place.slots, dtype=np.float64)),
         tray=cell.base_from_world(tray),
@@ -154,7 +158,7 @@ def _arm_cell(site: Site, scene: Scene, arm: int, place: StationPlace, near_boxe
         box_yaw=cell.box_yaw,
         box_min_frame=cell.box_min_frame,
         box_name=cell.box_name,
-        dock_box=np.array([dock_centre, (grid.cell_m / 2, scene.car.half_width_m + ASTRAY_M, DOCK_CAR_M / 2)]),
+        dock_box=np.array([dock_centre, (grid.cell_m / 2, car.half_width_m + ASTRAY_M, DOCK_CAR_M / 2)]),
         dock_yaw=yaw - base[3],
     )
 

@@ -68,7 +68,7 @@ class ArmManager:
         lost: Callable[[int, int], str] = lambda arm, parcel: "",
     ) -> None:
         start_rad = np.asarray(scene.arm_start, dtype=np.float64)
-        self.car = scene.car
+        self.car = scene.cars.hull
         self._n_joints = scene.arms.n_joints.tolist()
         self.services = [
             self._service(arm, q[:n]) for arm, (q, n) in enumerate(zip(start_rad, self._n_joints, strict=True))

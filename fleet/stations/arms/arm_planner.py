@@ -14,7 +14,6 @@ import numpy as np
 
 from fleet.arrays import FloatArray
 from fleet.config import RunConfig
-from fleet.robots import racecar_spec
 from fleet.robots.arms.spec import ArmSpec
 from fleet.robots.arms.team import ArmTeam
 from fleet.stations.arms.arm_cell import ArmCell
@@ -120,7 +119,6 @@ class LocalArmPlanner:
         self._planners: dict[int, CellPlanner] = {}
         self._known: dict[tuple[str, bytes], KnownWays] = {}
         self._setup = setup
-        self._car = racecar_spec()
         self._arms: dict[str, PlannedArm] = {}
         self._engines: dict[str, EngineConfirm] = {}
         try:
@@ -173,7 +171,7 @@ class LocalArmPlanner:
     def _planner_of(self, spec: ArmSpec, cell: ArmCell, known: KnownWays | None = None) -> CellPlanner:
         search = Search(self._setup.planner, self._setup.n_iterations)
         arm, engine = self._arms[spec.name], self._engines.get(spec.name)
-        return CellPlanner(cell, arm, self._car, search, known=known, confirm=engine)
+        return CellPlanner(cell, arm, cell.car, search, known=known, confirm=engine)
 
     def wait_ready(self) -> None:
         """Nothing to wait for: see the constructor."""

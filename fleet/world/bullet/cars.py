@@ -1,10 +1,11 @@
-"""Cars: loads the racecars, drives them by their wheel and steering motors, and reads their poses."""
+"""Cars: loads the cars, drives them by their wheel and steering motors, and reads their poses."""
 
 from __future__ import annotations
 
 import copy
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -12,23 +13,17 @@ from numba import njit
 
 from fleet.arrays import BoolArray, FloatArray, IntArray
 from fleet.robots.angle import rotation_into
-from fleet.robots.racecar import HINGES
-from fleet.robots.spec import WHEELS, CarSpec
+from fleet.robots.cars.models import CarModels
+from fleet.robots.spec import HINGES, WHEELS, CarMotors
 from fleet.world.bullet.ackermann import Ackermann
 from fleet.world.bullet.engine import groups
 from fleet.world.bullet.engine.client import Client
 from fleet.world.bullet.engine.frames import quaternion, rotation, turned
 
-# Torques of the wheel motors: 2 m/s^2 with a full tray needs 0.21 Nm; the brake locks the wheel, so that grip decides.
-_DRIVE_NM = 0.6
-_BRAKE_NM = 4.0
-_STEER_NM = 10.0
-_STEER_GAIN = 0.4
 # A brake that only holds zero wheel speed creeps (0.35 mm/s at 10 solver iterations: the contact solver has no static
 # friction), and one that holds the wheels' angle turns a car with steered wheels by a radian a minute. A standing car
-# is therefore held where it is by a force-limited constraint: the grip of its tyres, 0.8 x 6.2 kg x 9.81 m/s^2.
+# is therefore held where it is by a force-limited constraint: the grip of its tyres (`CarMotors.hold_n`).
 _STILL_MPS = 0.005
-_TYRE_FORCE_N = 48.0
 # Shoved away by more than this, the tyres have slipped: they hold at the new place.
 _SLIPPED_M = 0.003
 # Numbers of a car's state: place, quaternion, velocity, angles of the left and the right front wheel.
@@ -99,9 +94,9 @@ class Cars:
 
     Args:
         client: Connection.
-        spec: Car model.
+        models: Models of the cars.
         start: Poses x, y, yaw, shape (n, 3).
-        urdf: Text of their description.
+        urdfs: Text of each model's description.
         substep_s: Length of a physics step [s].
         brakes: Standing cars are held where they are. Costs an eighth of a physics step, as the engine looks at all
             constraints, of moving cars too. Without it they creep (`BulletConfig.residual`).
@@ -111,21 +106,20 @@ class Cars:
     def __init__(
         self,
         client: Client,
-        spec: CarSpec,
+        models: CarModels,
         start: FloatArray,
-        urdf: str,
+        urdfs: Sequence[str],
         substep_s: float,
         *,
         brakes: bool = True,
         limit_share: float = 1.0,
     ) -> None:
         self._client = client
-        self._spec = spec
         self._substep_s = substep_s
-        self._drive_nm, self._brake_nm = ([limit * limit_share] * len(WHEELS) for limit in (_DRIVE_NM, _BRAKE_NM))
-        self._steer_nm = _STEER_NM * limit_share
-        self._urdf, self._has_brakes = urdf, brakes
-        self.bodies: list[int] = [self._load(pose) for pose in start]
+        self._motors = [_limited(kind.motors, limit_share) for kind in models.kinds]
+        self._urdfs, self._has_brakes = urdfs, brakes
+        kinds = models.kind_of.tolist()
+        self.bodies: list[int] = [self._load(kind, pose) for kind, pose in zip(kinds, start, strict=True)]
         poses = np.array(start, dtype=np.float64).reshape(-1, 3)
         still = np.zeros(len(poses))
         frames = np.zeros((len(poses), 3, 4))
@@ -142,36 +136,44 @@ class Cars:
         self._pushes: dict[int, _Push] = {}
         self._aside = np.zeros(len(self.bodies), dtype=np.bool_)
         self._ride = (0.0, (0.0, 0.0, 0.0, 1.0))
-        self._ackermann = Ackermann(spec)
         self._changed = np.empty(len(self.bodies), dtype=np.int64)
         self._fresh = np.empty((2, len(self.bodies)))
-        self._limit = np.array([spec.max_steering_rad, spec.max_speed_mps])
         self._wheels: list[int] = []
         self._hinges: list[int] = []
-        self._com = np.zeros(3)
+        self._coms = np.zeros((len(models.kinds), 3))
         self._brakes: list[int] = []
-        for body in self.bodies:
-            self._equip(body)
+        for kind, body in zip(kinds, self.bodies, strict=True):
+            self._equip(kind, body)
+        self._know(models)
 
-    def _load(self, pose: FloatArray) -> int:
-        """Load a car, on the floor at a pose x, y, yaw, shape (3,); returns its body."""
+    def _know(self, models: CarModels) -> None:
+        """Keep what the models say of each car."""
+        self.models = models
+        """Which model each car is."""
+        self._kinds: list[int] = models.kind_of.tolist()
+        self._ackermann = Ackermann(models)
+        self._limit = np.stack((models.each("max_steering_rad"), models.each("max_speed_mps")), axis=1)
+        self._com = self._coms[models.kind_of]
+
+    def _load(self, kind: int, pose: FloatArray) -> int:
+        """Load a car of a kind, on the floor at a pose x, y, yaw, shape (3,); returns its body."""
         x, y, yaw = (float(number) for number in pose)
         return self._client.load_urdf(
-            self._urdf,
+            self._urdfs[kind],
             basePosition=(x, y, 0.0),
             baseOrientation=quaternion(yaw),
             flags=self._client.URDF_USE_INERTIA_FROM_FILE,
         )
 
-    def _equip(self, body: int) -> None:
+    def _equip(self, kind: int, body: int) -> None:
         """Say what a car's wheels touch, and give it a brake."""
         client = self._client
         if not self._wheels:
             names = {client.getJointInfo(body, joint)[1].decode(): joint for joint in range(client.getNumJoints(body))}
             self._wheels = [names[f"{wheel}_spin"] for wheel in WHEELS]
             self._hinges = [names[hinge] for hinge in HINGES]
-            # Bullet reports the pose of the centre of mass; this is where it lies in the rear-axle frame.
-            self._com = np.array(client.getDynamicsInfo(body, -1)[3])
+        # Bullet reports the pose of the centre of mass; this is where it lies in the rear-axle frame.
+        self._coms[kind] = client.getDynamicsInfo(body, -1)[3]
         for wheel in self._wheels:
             client.setCollisionFilterGroupMask(body, wheel, groups.MOVING, groups.WHEELS_MASK)
         if not self._has_brakes:
@@ -199,19 +201,20 @@ class Cars:
         if n_changed == 0:
             return
         steering, speeds = self._fresh[:, :n_changed]
-        spins, angles = self._ackermann.motions(steering, speeds)
-        client, rate, steer_nm = self._client, self._spec.max_steering_rate_radps, self._steer_nm
+        spins, angles = self._ackermann.motions(self._changed[:n_changed], steering, speeds)
+        client, kinds = self._client, self.models.kinds
         motor, motors = client.setJointMotorControl2, client.setJointMotorControlArray
         velocity, position = client.VELOCITY_CONTROL, client.POSITION_CONTROL
         left, right = self._hinges
         changed = self._changed[:n_changed].tolist()
         rows = zip(changed, speeds.tolist(), spins.tolist(), angles.tolist(), strict=True)
         for car, speed, spin, (left_rad, right_rad) in rows:
-            body = self.bodies[car]
-            torques = self._brake_nm if speed == 0.0 else self._drive_nm
-            motors(body, self._wheels, velocity, targetVelocities=spin, forces=torques)
-            motor(body, left, position, left_rad, 0.0, steer_nm, _STEER_GAIN, 1.0, rate)
-            motor(body, right, position, right_rad, 0.0, steer_nm, _STEER_GAIN, 1.0, rate)
+            body, own = self.bodies[car], self._motors[self._kinds[car]]
+            rate = kinds[self._kinds[car]].max_steering_rate_radps
+            torque = own.brake_nm if speed == 0.0 else own.drive_nm
+            motors(body, self._wheels, velocity, targetVelocities=spin, forces=[torque] * len(WHEELS))
+            motor(body, left, position, left_rad, 0.0, own.steer_nm, own.steer_gain, 1.0, rate)
+            motor(body, right, position, right_rad, 0.0, own.steer_nm, own.steer_gain, 1.0, rate)
 
     def push(self, car: int, way: FloatArray) -> None:
         """Start a shove of half a second that displaces the car by about `way`, unless something stops it.
@@ -238,7 +241,7 @@ class Cars:
             place, quat = self._client.getBasePositionAndOrientation(body)
             linear, angular = self._client.getBaseVelocity(body)
             turn = rotation(np.array(quat))
-            arm = turn @ self._com
+            arm = turn @ self._com[car]
             yaw = math.atan2(turn[1, 0], turn[0, 0])
             gap = push.start + share * push.way - np.array([place[0] - arm[0], place[1] - arm[1], yaw])
             gap[2] = math.remainder(gap[2], 2 * math.pi)
@@ -269,8 +272,12 @@ class Cars:
         frames = np.empty((n, 3, 4))
         _turn(states, turns, angles)
         yaws = np.arctan2(turns[:, 1, 0], turns[:, 0, 0])
-        top_speed = _read(states, turns @ self._com, turns, yaws, poses, speeds, frames)
-        steering = self._ackermann.bicycles(angles)
+        offsets = np.empty((n, 3))
+        for kind, com in enumerate(self._coms):
+            own = self.models.kind_of[present] == kind
+            offsets[own] = turns[own] @ com
+        top_speed = _read(states, offsets, turns, yaws, poses, speeds, frames)
+        steering = self._ackermann.bicycles(present, angles)
         now = CarReading(
             poses=poses, speeds=speeds, steering=steering, centres=states[:, :2], top_speed=top_speed, frames=frames
         )
@@ -318,15 +325,16 @@ class Cars:
         return CarBodyMotion(numbers=self._numbers(self.bodies[car]), push=copy.deepcopy(self._pushes.get(car)))
 
     def admit(self, pose: FloatArray, motion: CarBodyMotion | None) -> None:
-        """Load one more car, as the last one; none may be aside.
+        """Load one more car of the first model, as the last one; none may be aside.
 
         Args:
             pose: Of its rear axle, x, y, yaw, shape (3,).
             motion: What it goes on from; None = it stands.
         """
-        body = self._load(pose)
+        body = self._load(0, pose)
         self.bodies.append(body)
-        self._equip(body)
+        self._equip(0, body)
+        self._know(CarModels(kinds=self.models.kinds, kind_of=np.append(self.models.kind_of, 0)))
         self._list_anew(len(self.bodies), np.arange(len(self.bodies) - 1))
         if motion is not None:
             self._set(body, motion.numbers)
@@ -350,6 +358,7 @@ class Cars:
             centres=now.centres[kept],
             frames=now.frames[kept],
         )
+        self._know(self.models.some(kept))
         self._list_anew(len(self.bodies), kept)
 
     def _list_anew(self, n: int, kept: IntArray) -> None:
@@ -411,7 +420,7 @@ class Cars:
         place, quat = client.getBasePositionAndOrientation(self.bodies[0])
         turn = rotation(np.array(quat))
         yaw = math.atan2(turn[1, 0], turn[0, 0])
-        self._ride = (place[2] - float((turn @ self._com)[2]), turned(-yaw, quat))
+        self._ride = (place[2] - float((turn @ self._com[0])[2]), turned(-yaw, quat))
 
     def set_aside(self, car: int, pose: FloatArray) -> None:
         """Take a car out of all that happens: it sleeps at a place, which costs next to nothing.
@@ -467,14 +476,14 @@ class Cars:
         height, lean = self._ride
         quat = turned(float(pose[2]), lean)
         turn = rotation(np.array(quat))
-        arm = turn @ self._com
+        arm = turn @ self._com[car]
         client.resetBasePositionAndOrientation(
             body, (float(pose[0] + arm[0]), float(pose[1] + arm[1]), float(height + arm[2])), quat
         )
         # About the body's own axis, so that the turn adds nothing to the forward speed of the centre of mass.
-        rates = turn[:, 2] * (speed * math.tan(steering) / self._spec.wheelbase_m)
+        rates = turn[:, 2] * (speed * math.tan(steering) / self.models[car].wheelbase_m)
         client.resetBaseVelocity(body, (turn[:, 0] * speed + np.cross(rates, arm)).tolist(), rates.tolist())
-        spins, angles = self._ackermann.motions(np.array([steering]), np.array([speed]))
+        spins, angles = self._ackermann.motions(np.array([car]), np.array([steering]), np.array([speed]))
         for joint, spin in zip(self._wheels, spins[0].tolist(), strict=True):
             client.resetJointState(body, joint, 0.0, spin)
         for joint, angle in zip(self._hinges, angles[0].tolist(), strict=True):
@@ -541,8 +550,17 @@ class Cars:
             return
         place, quat = self._parked_at[car, :3].tolist(), self._parked_at[car, 3:].tolist()
         self._client.changeConstraint(
-            self._brakes[car], jointChildPivot=place, jointChildFrameOrientation=quat, maxForce=_TYRE_FORCE_N
+            self._brakes[car],
+            jointChildPivot=place,
+            jointChildFrameOrientation=quat,
+            maxForce=self.models[car].motors.hold_n,
         )
+
+
+def _limited(motors: CarMotors, share: float) -> CarMotors:
+    """Motors with a part of their torques; a brake that holds keeps its force."""
+    torques = {name: getattr(motors, name) * share for name in ("drive_nm", "brake_nm", "steer_nm")}
+    return replace(motors, **torques)
 
 
 def _split(numbers: list[float], length: int) -> list[list[float]]:
@@ -562,8 +580,8 @@ def _take(
     many cars: which these are, and their steering and speeds."""
     n = 0
     for car in range(len(commands)):
-        steering = min(max(commands[car, 0], -limits[0]), limits[0])
-        speed = min(max(commands[car, 1], -limits[1]), limits[1])
+        steering = min(max(commands[car, 0], -limits[car, 0]), limits[car, 0])
+        speed = min(max(commands[car, 1], -limits[car, 1]), limits[car, 1])
         if unset[car] or steering != sent[car, 0] or speed != sent[car, 1]:
             sent[car, 0], sent[car, 1] = steering, speed
             changed[n], fresh[0, n], fresh[1, n] = car, steering, speed

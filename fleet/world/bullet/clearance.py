@@ -14,12 +14,12 @@ from fleet.world.scene import Scene
 
 
 class CarShape(NamedTuple):
-    """The body of a car round its rear axle [m]."""
+    """The bodies of models of cars round their rear axles [m], shape (k,) each."""
 
-    front: float
-    rear: float
-    half_width: float
-    height: float
+    front: FloatArray
+    rear: FloatArray
+    half_width: FloatArray
+    height: FloatArray
 
 
 class ArmShapes(NamedTuple):
@@ -40,6 +40,8 @@ class Moment(NamedTuple):
 
     poses: FloatArray
     """Rear-axle poses x, y, yaw, shape (n, 3)."""
+    kind_of: IntArray
+    """Which model each car is, shape (n,)."""
     q: FloatArray
     """Joint positions [rad], shape (m, j)."""
     held: FloatArray
@@ -71,8 +73,13 @@ class Clearance:
     """
 
     def __init__(self, scene: Scene) -> None:
-        car, team = scene.car, scene.arms
-        self._car = CarShape(front=car.front_m, rear=car.rear_m, half_width=car.half_width_m, height=car.height_m)
+        team, kinds = scene.arms, scene.car_kinds
+        self._cars = CarShape(
+            front=np.array([kind.front_m for kind in kinds]),
+            rear=np.array([kind.rear_m for kind in kinds]),
+            half_width=np.array([kind.half_width_m for kind in kinds]),
+            height=np.array([kind.height_m for kind in kinds]),
+        )
         self._arms = ArmShapes(
             base=scene.arm_base,
             joints=team.joints,
@@ -96,7 +103,9 @@ class Clearance:
         """
         while True:
             room = self._room
-            n_cars, n_boxes, smallest = near_and_gap(self._car, self._arms, now, boxes, margin_m, self.smallest_m, room)
+            n_cars, n_boxes, smallest = near_and_gap(
+                self._cars, self._arms, now, boxes, margin_m, self.smallest_m, room
+            )
             if n_cars <= len(room.cars) and n_boxes <= len(room.boxes):
                 break
             self._room = _room(2 * max(n_cars, 32), 2 * max(n_boxes, 128), self.near_arms)
@@ -149,21 +158,22 @@ def _rectangle_gap(a: FloatArray, b: FloatArray, cutoff: float) -> float:
 
 
 @njit(cache=True)
-def car_rectangles(poses: FloatArray, front: float, rear: float, half_width: float) -> FloatArray:
+def car_rectangles(cars: CarShape, now: Moment) -> FloatArray:
     """Find the ground plans of cars.
 
     Args:
-        poses: Rear-axle poses x, y, yaw, shape (n, 3).
-        front: From the rear axle to the front of the body [m].
-        rear: From the rear axle to its back [m].
-        half_width: Half of its width [m].
+        cars: Bodies of their models.
+        now: Where they are.
 
     Returns:
         Rectangles x, y, yaw, half length, half width, shape (n, 5).
     """
+    poses = now.poses
     rectangles = np.empty((len(poses), 5))
-    middle = (front - rear) / 2
     for car in range(len(poses)):
+        kind = now.kind_of[car]
+        front, rear, half_width = cars.front[kind], cars.rear[kind], cars.half_width[kind]
+        middle = (front - rear) / 2
         yaw = poses[car, 2]
         rectangles[car, 0] = poses[car, 0] + middle * math.cos(yaw)
         rectangles[car, 1] = poses[car, 1] + middle * math.sin(yaw)
@@ -199,7 +209,8 @@ def near_cars(
         reach = math.hypot(bodies[i, 3], bodies[i, 4])
         for j in range(i + 1, len(bodies)):
             cutoff = max(margin, best)
-            gap = math.hypot(bodies[j, 0] - bodies[i, 0], bodies[j, 1] - bodies[i, 1]) - 2.0 * reach
+            gap = math.hypot(bodies[j, 0] - bodies[i, 0], bodies[j, 1] - bodies[i, 1])
+            gap -= reach + math.hypot(bodies[j, 3], bodies[j, 4])
             if gap > cutoff:
                 continue
             gap = _rectangle_gap(bodies[i], bodies[j], cutoff)
@@ -225,7 +236,7 @@ def arm_gap(
     arms: ArmShapes,
     now: Moment,
     bodies: FloatArray,
-    height: float,
+    heights: FloatArray,
     margin: float,
     best: float,
     near: BoolArray,
@@ -239,7 +250,7 @@ def arm_gap(
         arms: The arms.
         now: Their joints, what they hold and whom they serve.
         bodies: Car rectangles x, y, yaw, half length, half width, shape (n, 5).
-        height: Height of the cars [m].
+        heights: Heights of the models of cars [m], shape (k,).
         margin: Distance from an arm's reach up to which a car counts as near [m].
         best: Smallest distance so far [m].
         near: Out: whether any car, served or not, is near each arm, shape (m,).
@@ -248,7 +259,7 @@ def arm_gap(
         Smallest distance, at most `best`, not below 0 [m].
     """
     base, joints, tool_length, radii = arms
-    _, q, held, serving = now
+    _, kind_of, q, held, serving = now
     m, n_joints = q.shape
     n_points = 2 * n_joints + 4
     points = np.empty((n_points, 4))
@@ -279,7 +290,7 @@ def arm_gap(
                 dx, dy = points[k, 0] - x, points[k, 1] - y
                 u = max(abs(dx * c + dy * s) - half_length, 0.0)
                 v = max(abs(dy * c - dx * s) - half_width, 0.0)
-                w = max(points[k, 2] - height, -points[k, 2], 0.0)
+                w = max(points[k, 2] - heights[kind_of[car]], -points[k, 2], 0.0)
                 best = min(best, max(math.sqrt(u * u + v * v + w * w) - points[k, 3], 0.0))
     return best
 
@@ -324,7 +335,7 @@ def _chain(
 
 @njit(cache=True)
 def near_and_gap(
-    car: CarShape,
+    cars: CarShape,
     arms: ArmShapes,
     now: Moment,
     boxes: FloatArray,
@@ -336,7 +347,7 @@ def near_and_gap(
 
     Named parts cost 3 us per tick of the engine, which takes a thousand.
     """
-    bodies = car_rectangles(now.poses, car.front, car.rear, car.half_width)
+    bodies = car_rectangles(cars, now)
     n_cars, n_boxes, best = near_cars(bodies, boxes, margin, best, near.cars, near.boxes)
-    best = arm_gap(arms, now, bodies, car.height, margin, best, near.arms)
+    best = arm_gap(arms, now, bodies, cars.height, margin, best, near.arms)
     return n_cars, n_boxes, best

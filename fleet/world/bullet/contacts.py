@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from fleet.arrays import IntArray
-from fleet.robots.spec import CarSpec
+from fleet.robots.cars.models import CarModels
 from fleet.world.bullet.engine.client import Client
 from fleet.world.bullet.engine.frames import rotation
 from fleet.world.protocol import Contacts
@@ -38,21 +38,20 @@ class ContactMonitor:
 
     Args:
         client: Connection.
-        car: Car model.
+        models: Models of the cars.
         cars: Bodies of the cars.
         arms: Bodies of the arms.
         substep_s: Length of a physics step [s].
     """
 
-    def __init__(self, client: Client, car: CarSpec, cars: list[int], arms: list[int], substep_s: float) -> None:
+    def __init__(self, client: Client, models: CarModels, cars: list[int], arms: list[int], substep_s: float) -> None:
         self._client = client
-        self._spec = car
         self._arms = {body: index for index, body in enumerate(arms)}
         self._pause = max(1, round(_PAUSE_S / substep_s))
         self._step = 0
         self._last: dict[tuple[int, int], int] = {}
         self.counts = Contacts()
-        self.change_cars(cars)
+        self.change_cars(cars, models)
         self.ghosts: dict[int, int] = {}
         """Number in the fleet of each car of another world, by its body."""
         self.numbers: list[int] = []
@@ -69,9 +68,10 @@ class ContactMonitor:
         self.touched: list[dict[int, set[int]]] = [{} for _ in arms]
         """Parcels that the links of each arm touch: ``touched[arm][link]``."""
 
-    def change_cars(self, bodies: list[int]) -> None:
+    def change_cars(self, bodies: list[int], models: CarModels) -> None:
         """Count anew for other cars."""
         self._cars = {body: index for index, body in enumerate(bodies)}
+        self._specs = {body: models[index] for index, body in enumerate(bodies)}
         self.of_cars: IntArray = np.zeros(len(bodies), dtype=np.int64)
         """Contacts of each car so far, shape (n_cars,)."""
 
@@ -177,15 +177,16 @@ class ContactMonitor:
         """Whether a point lies inside the tray of the served car: above its floor, up to half into a wall."""
         if self.serving[arm] != self._cars[car]:
             return False
+        spec = self._specs[car]
         place, quat = self._client.getBasePositionAndOrientation(car)
         com = np.array(self._client.getDynamicsInfo(car, -1)[3])
         x, y, z = rotation(np.array(quat)).T @ (np.array(point[6]) - np.array(place)) + com
-        length, width, _ = self._spec.tray_size_m
-        wall = self._spec.tray_wall_m / 2 + _SLOP_M
+        length, width, _ = spec.tray_size_m
+        wall = spec.tray_wall_m / 2 + _SLOP_M
         return bool(
-            abs(x - self._spec.tray_x_m) <= length / 2 + wall
+            abs(x - spec.tray_x_m) <= length / 2 + wall
             and abs(y) <= width / 2 + wall
-            and z >= self._spec.tray_floor_z_m - self._spec.tray_wall_m
+            and z >= spec.tray_floor_z_m - spec.tray_wall_m
         )
 
 

@@ -128,7 +128,7 @@ class FixedBodies:
         solid = np.array(rows, dtype=np.float64).reshape(-1, 6)
         self.corners = np.stack((solid[:, :3] - solid[:, 3:], solid[:, :3] + solid[:, 3:]), axis=1)
         bodies = np.array([*self._boxes, *self.obstacle_bodies()], dtype=np.int64)
-        low = solid[:, 2] - solid[:, 5] < self._scene.car.height_m
+        low = solid[:, 2] - solid[:, 5] < self._scene.cars.most("height_m")
         flat = np.zeros((len(solid), 5))
         flat[:, :2], flat[:, 3:] = solid[:, :2], solid[:, 3:5]
         self.plans, self.plan_bodies = flat[low], bodies[low].tolist()

@@ -25,7 +25,7 @@ class Ghosts:
 
     Args:
         client: Connection.
-        car: Their model.
+        car: Their model; all are of one.
     """
 
     def __init__(self, client: Client, car: CarSpec) -> None:

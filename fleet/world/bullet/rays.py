@@ -15,7 +15,6 @@ import numpy as np
 from numba import njit
 
 from fleet.arrays import FloatArray, IntArray
-from fleet.robots.racecar import body_boxes
 from fleet.world.bullet.engine.client import Client
 from fleet.world.scene import Scene
 from planners.motion.arm.kinematics import link_frames_into
@@ -41,10 +40,14 @@ class _Cars(NamedTuple):
 
     frames: FloatArray
     """Poses, shape (n, 3, 4)."""
+    kind_of: IntArray
+    """Which model each is, shape (n,)."""
+    ptr: IntArray
+    """Boxes of model k are ``body[ptr[k]:ptr[k + 1]]``."""
     body: FloatArray
-    """Lowest and highest corners in a car's frame [m], shape (k, 2, 3)."""
-    reach: float
-    """How far corners are from the frame's origin at most [m]."""
+    """Lowest and highest corners in a car's frame [m], shape (b, 2, 3)."""
+    reach: FloatArray
+    """How far corners are from the frame's origin at most [m], shape (n_kinds,)."""
 
 
 class Rays:
@@ -52,14 +55,16 @@ class Rays:
 
     Args:
         client: Connection.
-        scene: Models of the arms, and where they stand.
+        scene: Models of cars and arms, and where arms stand.
         arms: The arms, at the scene's start.
     """
 
     def __init__(self, client: Client, scene: Scene, arms: list[int]) -> None:
         self._client = client
-        self._body = body_boxes()
-        self._reach_m = float(np.linalg.norm(np.abs(self._body).max(axis=(0, 1))))
+        bodies = [kind.body_boxes for kind in scene.car_kinds]
+        self._body = np.concatenate(bodies)
+        self._ptr = np.cumsum([0, *(len(body) for body in bodies)])
+        self._reach_m = np.array([np.linalg.norm(np.abs(body).max(axis=(0, 1))) for body in bodies])
         bases = np.array(scene.arm_base, dtype=np.float64).reshape(-1, 4)
         team = scene.arms
         links = np.zeros((len(arms), team.width + 1, 4))
@@ -78,6 +83,7 @@ class Rays:
         *,
         boxes: FloatArray,
         cars: FloatArray,
+        kind_of: IntArray,
         arms: FloatArray,
         parcels: FloatArray,
     ) -> FloatArray:
@@ -87,7 +93,8 @@ class Rays:
             origins: World points, shape (r, 3).
             ends: World points, shape (r, 3).
             boxes: Lowest and highest corners of all fixed boxes, shape (k, 2, 3).
-            cars: Frames of the cars, which are racecars, shape (n, 3, 4).
+            cars: Frames of the cars, shape (n, 3, 4).
+            kind_of: Which model each of them is, shape (n,).
             arms: Joint positions [rad], shape (m, n_joints).
             parcels: Centres and radii of balls round the parcels, shape (p, 4).
 
@@ -97,7 +104,7 @@ class Rays:
         fractions, unsure = np.empty(len(origins)), np.empty(len(origins), dtype=np.int64)
         balls = np.empty((len(arms) * self._arms.links.shape[1] + len(parcels), 4))
         _place_balls(self._arms, arms, parcels, balls)
-        bodies = _Cars(frames=cars, body=self._body, reach=self._reach_m)
+        bodies = _Cars(frames=cars, kind_of=kind_of, ptr=self._ptr, body=self._body, reach=self._reach_m)
         n = _cast(origins, ends, boxes, bodies, balls, fractions, unsure)
         for first in range(0, n, _RAYS_PER_CALL):
             part = unsure[first : min(first + _RAYS_PER_CALL, n)]
@@ -240,7 +247,7 @@ def _cast(
     unsure: IntArray,
 ) -> int:
     """Fill in where rays meet boxes and cars, and list those that may meet something else first; returns how many."""
-    frames, body, reach = cars
+    frames, kind_of, ptr, body, reach = cars
     n = 0
     for ray in range(len(origins)):
         ox, oy, oz = origins[ray, 0], origins[ray, 1], origins[ray, 2]
@@ -255,8 +262,9 @@ def _cast(
                 best = _slab(ox, oy, oz, dx, dy, dz, boxes[k], best)
         for k in range(len(frames)):
             px, py, pz = frames[k, 0, 3] - ox, frames[k, 1, 3] - oy, frames[k, 2, 3] - oz
-            if best >= 0.0 and _meets_ball(px, py, pz, dx, dy, dz, square, reach, best):
-                best = _enter(px, py, pz, dx, dy, dz, frames[k], body, best)
+            kind = kind_of[k]
+            if best >= 0.0 and _meets_ball(px, py, pz, dx, dy, dz, square, reach[kind], best):
+                best = _enter(px, py, pz, dx, dy, dz, frames[k], body[ptr[kind] : ptr[kind + 1]], best)
         ask = best < 0.0
         for k in range(len(balls)):
             if ask:

@@ -94,7 +94,7 @@ class BulletWorld:
         self._contact_breaking_m = config.contact_breaking_m
         call_s = config.tick_s / config.n_calls
         at_once = config.n_steps_per_call is not None
-        urdf = CARS[scene.car.name].urdf(config.wheels)
+        urdfs = [CARS[kind.name].urdf(config.wheels) for kind in scene.car_kinds]
         self._scene = scene
         self._client = client = Client(config.connect, config.shared_memory_key)
         try:
@@ -114,9 +114,9 @@ class BulletWorld:
                 self._fixed = FixedBodies(client, scene)
                 self._cars = Cars(
                     client,
-                    scene.car,
+                    scene.cars,
                     scene.car_start,
-                    urdf if config.visuals else without_visuals(urdf),
+                    urdfs if config.visuals else [without_visuals(urdf) for urdf in urdfs],
                     call_s,
                     brakes=not at_once,
                     limit_share=config.limit_share,
@@ -135,7 +135,7 @@ class BulletWorld:
                     ),
                 )
                 self._parcels = Parcels(client, anchored=config.grip is Grip.FRICTION)
-                self._monitor = ContactMonitor(client, scene.car, self._cars.bodies, self._arms.bodies, call_s)
+                self._monitor = ContactMonitor(client, scene.cars, self._cars.bodies, self._arms.bodies, call_s)
                 self._monitor.floor = floor = self._fixed.floor
                 for body, spec in zip(self._arms.bodies, scene.arms.specs, strict=True):
                     for link in range(-1, spec.outline.n_standing_links):
@@ -155,7 +155,7 @@ class BulletWorld:
             raise
         self.window = EngineWindow(client, self._cars.bodies) if config.connect is Connect.GUI else None
         """The engine's own window, if it has one here."""
-        self._ghosts = Ghosts(client, scene.car)
+        self._ghosts = Ghosts(client, scene.car_kinds[0])
         self._n_car_changes = 0
         self._arm_links = [(arm, link) for arm in self._arms.bodies for link in range(-1, client.getNumJoints(arm))]
         self._clearance = Clearance(scene)
@@ -323,7 +323,7 @@ class BulletWorld:
 
     def in_tray(self, car: int) -> list[int]:
         """Ids of the parcels that lie in a car's tray and in nobody's grip."""
-        spec, ids, poses = self._scene.car, self.parcel_ids(), self.parcel_poses()
+        spec, ids, poses = self._cars.models[car], self.parcel_ids(), self.parcel_poses()
         x, y, yaw = self._cars.now.poses[car]
         c, s = np.cos(yaw), np.sin(yaw)
         dx, dy = poses[:, 0] - x, poses[:, 1] - y
@@ -379,9 +379,14 @@ class BulletWorld:
     def rays(self, origins: FloatArray, ends: FloatArray) -> FloatArray:
         """See `World`; wheels stop no rays."""
         origins, ends = ray_points(origins, ends)
-        frames, parcels = self._cars.now.frames, self._parcels.balls()
         return self._rays.cast(
-            origins, ends, boxes=self._fixed.corners, cars=frames, arms=self._arms.q, parcels=parcels
+            origins,
+            ends,
+            boxes=self._fixed.corners,
+            cars=self._cars.now.frames,
+            kind_of=self._cars.models.kind_of,
+            arms=self._arms.q,
+            parcels=self._parcels.balls(),
         )
 
     def image(self, camera: Camera) -> CameraImage:
@@ -478,10 +483,12 @@ class BulletWorld:
     def _measure(self, *, ghosts: bool = True) -> list[tuple[int, int]]:
         """Update the smallest clearance and name the bodies that cars can touch within a tick."""
         now, fixed = self._cars.now, self._fixed
-        cars, n_own, poses = self._cars.bodies, len(self._cars.bodies), now.poses
+        cars, n_own, poses, kind_of = self._cars.bodies, len(self._cars.bodies), now.poses, self._cars.models.kind_of
         if ghosts and self._ghosts.bodies:
             cars, poses = [*cars, *self._ghosts.bodies.values()], np.concatenate((poses, self._ghosts.poses))
-        moment = Moment(poses=poses, q=self._arms.q, held=self._held_spheres(), serving=self._monitor.serving)
+            kind_of = np.append(kind_of, np.zeros(len(self._ghosts.poses), dtype=np.int64))  # all are of one model
+        held, serving = self._held_spheres(), self._monitor.serving
+        moment = Moment(poses=poses, kind_of=kind_of, q=self._arms.q, held=held, serving=serving)
         pairs, beside = self._clearance.look(moment, fixed.plans, _NEAR_MARGIN_M + 2 * now.top_speed * self.tick_s)
         # The first of a pair is the lower one: two ghosts are looked at by their own worlds.
         near = [(cars[i], cars[j]) for i, j in pairs.tolist() if i < n_own]
@@ -491,7 +498,7 @@ class BulletWorld:
         """Cars came or went."""
         self.n_cars = len(self._cars.bodies)
         self._n_car_changes += 1
-        self._monitor.change_cars(self._cars.bodies)
+        self._monitor.change_cars(self._cars.bodies, self._cars.models)
         self._monitor.look_again()
         self._near = self._measure()
 

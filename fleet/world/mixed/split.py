@@ -56,6 +56,7 @@ def region_scene(scene: Scene, arms: list[int], n_slots: int, near_m: float) -> 
         boxes=boxes,
         car_start=np.array([aside(slot) for slot in range(n_slots)]).reshape(-1, 3),
         arms=scene.arms.part(arms),
+        car_kind_of=None,
         arm_base=base,
         arm_start=scene.arm_start[arms],
     )

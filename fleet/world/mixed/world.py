@@ -90,7 +90,7 @@ class MixedWorld:
         self.tick_s = config.tick_s
         self.n_cars = len(scene.car_start)
         self.n_arms = len(scene.arm_base)
-        self._cars = BicycleCars(scene.car, scene.car_start, config.tick_s, config.car_substep_s)
+        self._cars = BicycleCars(scene.cars, scene.car_start, config.tick_s, config.car_substep_s)
         self._arms = ServoArms(scene.arms, scene.arm_base, scene.arm_start, config.tick_s)
         self._surroundings = Surroundings(scene, self._arms)
         self._regions: list[Region] = []
@@ -117,7 +117,7 @@ class MixedWorld:
             grip=np.zeros(self.n_arms, dtype=np.bool_),
         )
         self._ids = np.zeros(0, dtype=np.int64)
-        self._loose_parcels = PlanarParcels(scene.boxes, scene.car, 0)
+        self._loose_parcels = PlanarParcels(scene.boxes, scene.cars, 0)
         self._no_tips, self._no_grip = np.zeros((0, 7)), np.zeros(0, dtype=np.bool_)
         self._loose: dict[int, ParcelBody] = {}
         self._counts = Contacts()

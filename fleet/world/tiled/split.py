@@ -96,6 +96,7 @@ def tile_scene(scene: Scene, split: Split, tile: int, cars: list[int], near_m: f
         near_m: Boxes that reach so near to it belong to it too [m].
     """
     arms = np.flatnonzero(split.tile_of_arm == tile)
+    kind_of = scene.car_kind_of
     bounds = split.bounds(tile)
     boxes = [box for box in scene.boxes if reaches(bounds, np.array(box.centre_m), np.array(box.half_m), near_m)]
     return replace(
@@ -103,6 +104,7 @@ def tile_scene(scene: Scene, split: Split, tile: int, cars: list[int], near_m: f
         boxes=tuple(boxes),
         car_start=np.asarray(scene.car_start, dtype=np.float64).reshape(-1, 3)[cars],
         arms=scene.arms.part(arms),
+        car_kind_of=None if kind_of is None else kind_of[cars],
         arm_base=scene.arm_base[arms],
         arm_start=scene.arm_start[arms],
     )

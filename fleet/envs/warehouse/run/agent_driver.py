@@ -12,7 +12,7 @@ from numba import njit
 
 from fleet.arrays import BoolArray, CellArray, FloatArray
 from fleet.config import EstimateConfig
-from fleet.robots.spec import CarSpec
+from fleet.robots.cars.models import CarModels
 from fleet.traffic.drivers import AT_REST_MPS, OFF_LANE_M, OFF_LANE_RAD, RELEASE_M, PathDriver
 from fleet.world.protocol import World
 from maps.lane_graph import LaneGraph, MoveKind
@@ -49,7 +49,7 @@ class AgentDriver(PathDriver):
 
     Args:
         graph: Lane graph whose moves are driven.
-        spec: The car model.
+        models: Models of the cars.
         start_states: State of each car, shape (n_cars,).
         tick_s: Control period [s].
         config: Quality of the pose estimate.
@@ -60,7 +60,7 @@ class AgentDriver(PathDriver):
     def __init__(
         self,
         graph: LaneGraph,
-        spec: CarSpec,
+        models: CarModels,
         start_states: npt.NDArray[np.int32],
         tick_s: float,
         config: EstimateConfig,
@@ -68,11 +68,11 @@ class AgentDriver(PathDriver):
         *,
         agents: AgentCars,
     ) -> None:
-        super().__init__(graph, spec, graph.state_pose[start_states], tick_s, config, rng)
+        super().__init__(graph, models, graph.state_pose[start_states], tick_s, config, rng)
         self.estimate = agents.poses.copy()
         by_agent = agents.by_agent
         n_cars = len(start_states)
-        self._wheelbase_m = spec.wheelbase_m
+        self._wheelbase_m = models.each("wheelbase_m")
         self._tick_s = tick_s
         self._stop_m, self._stop_rad = agents.stop_m, agents.stop_rad
         self._by_agent = by_agent
@@ -189,7 +189,7 @@ def _drive_on(poses, before, speeds, steering, tick, wheelbase):
         way, yaw = 0.5 * (before[car] + speeds[car]) * tick, poses[car, 2]
         poses[car, 0] += way * math.cos(yaw)
         poses[car, 1] += way * math.sin(yaw)
-        poses[car, 2] += way * math.tan(steering[car]) / wheelbase
+        poses[car, 2] += way * math.tan(steering[car]) / wheelbase[car]
 
 
 @njit(cache=True)

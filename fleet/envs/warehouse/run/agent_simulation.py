@@ -101,5 +101,5 @@ class AgentSimulation(Simulation):
             stop_rad=agents.stop_rad,
         )
         return AgentDriver(
-            setup.graph, setup.scene.car, setup.start_states, world.tick_s, config.estimate, rng, agents=cars
+            setup.graph, setup.scene.cars, setup.start_states, world.tick_s, config.estimate, rng, agents=cars
         )

@@ -81,7 +81,7 @@ def test_a_setting_that_is_typed_twice_is_refused() -> None:
     ("content", "expected"),
     [
         ("what", "is no TOML"),
-        ("rounds = 2", "top level has rounds = 2; valid: tables [planner.NAME] and [allocator.NAME]"),
+        ("rounds = 2", "top level has rounds = 2; valid: tables [planner.NAME], [allocator.NAME] and"),
         ("[planer.pibt]\n", "top level has planer = {'pibt': {}}; valid: tables [planner.NAME]"),
         ("[planner]\nrounds = 2", "top level has planner = {'rounds': 2}; valid: tables [planner.NAME]"),
         (

@@ -45,7 +45,8 @@ from fleet.missions.visits import Visits
 from fleet.missions.ways import Ways
 from fleet.robots.arms.spec import UsualService
 from fleet.robots.battery import Batteries
-from fleet.robots.racecar import racecar_spec
+from fleet.robots.cars.models import CarModels
+from fleet.robots.cars.racecar import racecar_spec
 from fleet.stations.arms.arm_controller import ArmPhase
 from fleet.stations.booking import Bookings
 from fleet.stations.station import Station
@@ -289,7 +290,13 @@ class Floor:
         self.backlog = Backlog(self.board, self.reasons, self._check)
         self.arms: Any = FakeArms(n_stations)
         self.inventory = Inventory(
-            self.board, self.stations, CAR, self.world, self.log, self.collect_after_s, self.askew
+            self.board,
+            self.stations,
+            CarModels.alike(CAR, self.n_cars),
+            self.world,
+            self.log,
+            self.collect_after_s,
+            self.askew,
         )
         self.perception: Any = TruePoses(self.inventory)
 
@@ -310,7 +317,7 @@ class Floor:
     def charging(self) -> Charging | None:
         if self.battery_config is None:
             return None
-        batteries = Batteries(self.battery_config, racecar_spec().mass_kg, self.n_cars, TICK_S)
+        batteries = Batteries(self.battery_config, np.full(self.n_cars, CAR.mass_kg), TICK_S)
         in_use = self.places.chargers[: self.battery_config.chargers_n]
         return Charging(batteries, in_use, len(self.stations), self.missions, self.ways, self.admission, self.log)
 

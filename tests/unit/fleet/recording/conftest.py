@@ -11,7 +11,7 @@ import pytest
 from fleet.recording.frame import Frame, LogLine
 from fleet.recording.header import DrawnFloor
 from fleet.robots import ARMS, ArmTeam
-from fleet.robots.racecar import racecar_spec
+from fleet.robots.cars.racecar import racecar_spec
 from fleet.world.scene import Scene, StaticBox
 
 
@@ -48,7 +48,7 @@ def made_up_scene(n_cars: int, n_arms: int, size_m: tuple[float, float]) -> tupl
     start = np.column_stack([np.linspace(1, width - 1, n_cars), np.full(n_cars, 2.5), np.zeros(n_cars)])
     arm = ARMS["iiwa"].spec()
     scene = Scene(
-        size_m=size_m, boxes=tuple(boxes), car=racecar_spec(), car_start=start,
+        size_m=size_m, boxes=tuple(boxes), car_kinds=(racecar_spec(),), car_start=start,
         arms=ArmTeam.alike(arm, n_arms), arm_base=arm_base, arm_start=np.tile(arm.home_rad, (n_arms, 1)),
     )  # fmt: skip
     return scene, floor

@@ -13,7 +13,7 @@ CAR_KG = 6.3
 
 def after(seconds: float, *, speed: float = 0.0, load_kg: float = 0.0, awake: bool = True, charging: bool = False):
     """Charge of one car after a time."""
-    batteries = Batteries(BatteryConfig(start=0.5), CAR_KG, 1, TICK_S)
+    batteries = Batteries(BatteryConfig(start=0.5), np.full(1, CAR_KG), TICK_S)
     for _ in range(round(seconds / TICK_S)):
         batteries.tick(np.array([speed]), np.array([load_kg]), np.array([awake]), np.array([charging]))
     return float(batteries.charge[0])
@@ -32,8 +32,8 @@ def test_distance_and_load_take_more() -> None:
 
 
 def test_the_estimate_is_what_the_drive_takes() -> None:
-    share = Batteries(BatteryConfig(), CAR_KG, 1, TICK_S).share(100.0, 100.0, 2.0)
-    assert float(share) == pytest.approx(0.5 - after(100.0, speed=1.0, load_kg=2.0))
+    share = Batteries(BatteryConfig(), np.full(1, CAR_KG), TICK_S).share([0], 100.0, 100.0, 2.0)
+    assert float(share[0]) == pytest.approx(0.5 - after(100.0, speed=1.0, load_kg=2.0))
 
 
 def test_a_charger_fills_at_its_power_and_not_beyond_full() -> None:
@@ -42,7 +42,7 @@ def test_a_charger_fills_at_its_power_and_not_beyond_full() -> None:
 
 
 def test_a_battery_is_never_less_than_empty_and_the_least_is_kept() -> None:
-    batteries = Batteries(BatteryConfig(capacity_wh=0.01), CAR_KG, 2, 1.0)
+    batteries = Batteries(BatteryConfig(capacity_wh=0.01), np.full(2, CAR_KG), 1.0)
     for _ in range(10):
         batteries.tick(np.zeros(2), np.zeros(2), np.array([True, False]), np.zeros(2, dtype=np.bool_))
     assert batteries.charge[0] == 0.0

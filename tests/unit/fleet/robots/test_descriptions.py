@@ -7,10 +7,10 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from fleet.robots import ARMS, TOOLS, racecar_spec, racecar_urdf
+from fleet.robots import ARMS, TOOLS
+from fleet.robots.cars.racecar import racecar_spec, racecar_urdf
 from fleet.robots.description import fill
-from fleet.robots.racecar import HINGES
-from fleet.robots.spec import WHEELS
+from fleet.robots.spec import HINGES, WHEELS
 
 
 def joints(text: str) -> dict[str, ElementTree.Element]:

@@ -9,9 +9,10 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
+from fleet.robots.cars.models import CarModels
+from fleet.robots.cars.racecar import racecar_spec
 from fleet.robots.estimator import PoseEstimator
 from fleet.robots.pursuit import FIRST_CAPACITY, Follower, PathBuffer, PathError
-from fleet.robots.racecar import racecar_spec
 from fleet.world.kinematic import BicycleCars
 
 FloatArray = npt.NDArray[np.float64]
@@ -71,13 +72,15 @@ def drive(
     parts: list[tuple[float, float]], *, tick_s: float, cap_mps: float = 1.0, noisy: bool = True, n_cars: int = 6
 ) -> Drive:
     """Drive some cars, differing in their noise, along the same path until all stand."""
-    paths, follower = PathBuffer(n_cars), Follower(SPEC, n_cars, tick_s)
+    paths, follower = PathBuffer(n_cars), Follower(CarModels.alike(SPEC, n_cars), tick_s)
     fine = np.array([lay(paths, car, parts) for car in range(n_cars)])[0]
-    cars = BicycleCars(SPEC, np.zeros((n_cars, 3)), tick_s, 0.0125)
+    cars = BicycleCars(CarModels.alike(SPEC, n_cars), np.zeros((n_cars, 3)), tick_s, 0.0125)
     rng = np.random.default_rng(7)
-    estimator = PoseEstimator(SPEC, n_cars, tick_s, rng=rng)
+    estimator = PoseEstimator(CarModels.alike(SPEC, n_cars), tick_s, rng=rng)
     if not noisy:
-        estimator = PoseEstimator(SPEC, n_cars, tick_s, noise_m=0.0, noise_rad=0.0, latency_ticks=0, rng=rng)
+        estimator = PoseEstimator(
+            CarModels.alike(SPEC, n_cars), tick_s, noise_m=0.0, noise_rad=0.0, latency_ticks=0, rng=rng
+        )
     stop_s = np.array([paths.end_s(car) for car in range(n_cars)])
     log: list[tuple[FloatArray, ...]] = []
     for _ in range(int(30.0 / tick_s)):
@@ -153,9 +156,9 @@ def test_reverse_piece_after_a_cusp() -> None:
 
 
 def test_stop_before_the_end_then_go_on() -> None:
-    paths, follower = PathBuffer(1), Follower(SPEC, 1, 0.05)
+    paths, follower = PathBuffer(1), Follower(CarModels.alike(SPEC, 1), 0.05)
     lay(paths, 0, [(3.0, 0.0)])
-    cars = BicycleCars(SPEC, np.zeros((1, 3)), 0.05, 0.0125)
+    cars = BicycleCars(CarModels.alike(SPEC, 1), np.zeros((1, 3)), 0.05, 0.0125)
     for stop_m in (1.2, 3.0):
         for _ in range(120):
             commands = follower.commands(paths, cars.poses, cars.speeds, np.array([stop_m]), np.array([1.0]))
@@ -166,7 +169,7 @@ def test_stop_before_the_end_then_go_on() -> None:
 
 
 def test_a_braked_car_stands_though_it_is_measured_a_little_off_its_stop() -> None:
-    paths, follower = PathBuffer(1), Follower(SPEC, 1, 0.05)
+    paths, follower = PathBuffer(1), Follower(CarModels.alike(SPEC, 1), 0.05)
     lay(paths, 0, [(1.0, 0.0)])
 
     def command_mps(x_m: float) -> float:
@@ -185,9 +188,9 @@ def test_a_braked_car_stands_though_it_is_measured_a_little_off_its_stop() -> No
 
 
 def test_cap_of_zero_brakes_to_a_stand() -> None:
-    paths, follower = PathBuffer(1), Follower(SPEC, 1, 0.05)
+    paths, follower = PathBuffer(1), Follower(CarModels.alike(SPEC, 1), 0.05)
     lay(paths, 0, [(5.0, 0.0)])
-    cars = BicycleCars(SPEC, np.zeros((1, 3)), 0.05, 0.0125)
+    cars = BicycleCars(CarModels.alike(SPEC, 1), np.zeros((1, 3)), 0.05, 0.0125)
     marks = []
     for cap_mps in (1.0, 0.0):
         for _ in range(40):
@@ -198,9 +201,9 @@ def test_cap_of_zero_brakes_to_a_stand() -> None:
 
 
 def test_path_appended_while_driving_is_followed_without_a_stop() -> None:
-    paths, follower = PathBuffer(1), Follower(SPEC, 1, 0.05)
+    paths, follower = PathBuffer(1), Follower(CarModels.alike(SPEC, 1), 0.05)
     lay(paths, 0, [(1.0, 0.0)])
-    cars = BicycleCars(SPEC, np.zeros((1, 3)), 0.05, 0.0125)
+    cars = BicycleCars(CarModels.alike(SPEC, 1), np.zeros((1, 3)), 0.05, 0.0125)
     slowest, laid = math.inf, 1
     for _ in range(600):
         if paths.end_s(0) - follower.progress[0] < 2.0 and laid < 20:
@@ -215,9 +218,9 @@ def test_path_appended_while_driving_is_followed_without_a_stop() -> None:
 
 
 def test_offset_car_reports_signed_errors_and_returns() -> None:
-    paths, follower = PathBuffer(1), Follower(SPEC, 1, 0.05)
+    paths, follower = PathBuffer(1), Follower(CarModels.alike(SPEC, 1), 0.05)
     lay(paths, 0, [(4.0, 0.0)])
-    cars = BicycleCars(SPEC, np.array([[0.0, 0.1, 0.2]]), 0.05, 0.0125)
+    cars = BicycleCars(CarModels.alike(SPEC, 1), np.array([[0.0, 0.1, 0.2]]), 0.05, 0.0125)
     errors = []
     for _ in range(150):
         cars.step(follower.commands(paths, cars.poses, cars.speeds, np.array([4.0]), np.array([1.0])))
@@ -233,7 +236,7 @@ def test_buffer_trims_by_itself_and_grows_for_one_long_path() -> None:
     assert paths.end_s(0) == pytest.approx(60.0)
     assert paths.end_s(1) == 0.0
 
-    paths, follower = PathBuffer(1), Follower(SPEC, 1, 0.05)
+    paths, follower = PathBuffer(1), Follower(CarModels.alike(SPEC, 1), 0.05)
     for lap in range(20):
         lay(paths, 0, [(5.0, 0.0)])
         pose = np.array([[5.0 * lap + 4.5, 0.0, 0.0]])
@@ -244,7 +247,7 @@ def test_buffer_trims_by_itself_and_grows_for_one_long_path() -> None:
 
 
 def test_reset_goes_on_counting_from_the_progress_made() -> None:
-    paths, follower = PathBuffer(1), Follower(SPEC, 1, 0.05)
+    paths, follower = PathBuffer(1), Follower(CarModels.alike(SPEC, 1), 0.05)
     lay(paths, 0, [(3.0, 0.0)])
     follower.commands(paths, np.array([[2.0, 0.0, 0.0]]), np.ones(1), np.array([3.0]), np.ones(1))
     paths.reset(0, np.array([2.0, 0.5, 1.0]))

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from fleet.arrays import FloatArray
-from fleet.robots import racecar_spec
+from fleet.robots.cars.models import CarModels
+from fleet.robots.cars.racecar import racecar_spec
 from fleet.scale.car_model import CarModel, residuals, simulated_speeds, simulated_steering, simulated_turns
 from fleet.scale.drives import DriveRecord, circles, speed_steps, steering_steps
 from fleet.scale.fit import AS_DRIVEN, LAG_S, SPEED, STEERING, TURNING, fit_car
@@ -25,7 +26,7 @@ def held(commands: FloatArray) -> FloatArray:
 
 
 def bicycle_drive(commands: FloatArray) -> DriveRecord:
-    cars = BicycleCars(racecar_spec(), np.zeros((1, 3)), TICK_S, TICK_S)
+    cars = BicycleCars(CarModels.alike(racecar_spec(), 1), np.zeros((1, 3)), TICK_S, TICK_S)
     states = [(cars.poses.copy(), cars.speeds.copy(), cars.steering.copy())]
     for command in commands:
         cars.step(command)

@@ -116,7 +116,7 @@ BAD = [
     ("b,0,pick_1,drop_7,0.3,0.06\n", "drop is 'drop_7'; valid: drop_1, drop_2"),
     ("b,-1,pick_1,drop_1,0.3,0.06\n", "release_s is '-1'; valid: a number from 0"),
     ("b,soon,pick_1,drop_1,0.3,0.06\n", "release_s is 'soon'; valid: a number"),
-    ("b,0,pick_1,drop_1,nan,0.06\n", "mass_kg is 'nan'; valid: a number from 0.05 to 2"),
+    ("b,0,pick_1,drop_1,nan,0.06\n", "mass_kg is 'nan'; valid: a number from 0.05 to 3"),
     ("b,0,pick_1,drop_1,0.3,0.5\n", "size_m is '0.5'; valid: a number from 0.04 to 0.1"),
     ("b,0,pick_1,drop_1,0.3,0.06x0.06\n", "size_m is '0.06x0.06'; valid: one edge"),
     (GOOD, "id 'a' stands twice; valid: each id once"),

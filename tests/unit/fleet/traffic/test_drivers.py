@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from fleet.config import EstimateConfig
-from fleet.robots import racecar_spec
+from fleet.robots.cars.models import CarModels
+from fleet.robots.cars.racecar import racecar_spec
 from fleet.robots.pursuit import PathError
 from fleet.traffic.drivers import RELEASE_M, PathDriver, StateDriver
 from maps.lane_graph import LaneGraph, build_lane_graph
@@ -33,7 +34,9 @@ def moves_from(graph: LaneGraph, state: int, n: int) -> list[int]:
 
 def path_driver(graph: LaneGraph, states: list[int]) -> PathDriver:
     rng = np.random.default_rng(0)
-    return PathDriver(graph, racecar_spec(), graph.state_pose[states], 0.05, EstimateConfig(), rng)
+    return PathDriver(
+        graph, CarModels.alike(racecar_spec(), len(states)), graph.state_pose[states], 0.05, EstimateConfig(), rng
+    )
 
 
 def array(numbers: list[int]) -> np.ndarray:

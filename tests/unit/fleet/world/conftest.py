@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fleet.robots import ARMS, ArmTeam
-from fleet.robots.racecar import racecar_spec
+from fleet.robots.cars.racecar import racecar_spec
 from fleet.world.scene import Scene, StaticBox
 
 
@@ -21,7 +21,7 @@ def hall() -> Scene:
             StaticBox(kind="pedestal", centre_m=(2.0, 5.0, 0.125), half_m=(0.08, 0.08, 0.125)),
             StaticBox(kind="wall", centre_m=(5.5, 0.5, 2.0), half_m=(0.5, 0.5, 0.1)),  # an arch cars pass under
         ),
-        car=racecar_spec(),
+        car_kinds=(racecar_spec(),),
         car_start=np.array([[1.5, 1.5, 0.0], [4.5, 1.5, 0.0]]),
         arms=ArmTeam.alike(arm, 1),
         arm_base=np.array([[2.0, 4.5, 0.0, -np.pi / 2]]),

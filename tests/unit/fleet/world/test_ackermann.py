@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fleet.robots.racecar import racecar_spec
+from fleet.robots.cars.models import CarModels
+from fleet.robots.cars.racecar import racecar_spec
 from fleet.world.bullet.ackermann import Ackermann
 
 SPEC = racecar_spec()
@@ -13,7 +14,7 @@ SPEC = racecar_spec()
 
 def test_wheels_roll_on_circles_around_one_point() -> None:
     steering, speed = 0.5, 1.2
-    spins, angles = Ackermann(SPEC).motions(np.array([steering]), np.array([speed]))
+    spins, angles = Ackermann(CarModels.alike(SPEC, 1)).motions(np.array([0]), np.array([steering]), np.array([speed]))
     radius = SPEC.wheelbase_m / np.tan(steering)  # of the middle of the rear axle
     half = SPEC.track_m / 2
     inner, outer = radius - half, radius + half
@@ -23,7 +24,7 @@ def test_wheels_roll_on_circles_around_one_point() -> None:
 
 
 def test_front_wheels_tell_the_bicycle() -> None:
-    ackermann = Ackermann(SPEC)
+    ackermann, cars = Ackermann(CarModels.alike(SPEC, 9)), np.arange(9)
     steering = np.linspace(-0.8, 0.8, 9)
-    assert ackermann.bicycles(ackermann.motions(steering, np.ones(9))[1]) == pytest.approx(steering)
-    assert ackermann.bicycles(np.zeros((0, 2))).shape == (0,)
+    assert ackermann.bicycles(cars, ackermann.motions(cars, steering, np.ones(9))[1]) == pytest.approx(steering)
+    assert ackermann.bicycles(cars[:0], np.zeros((0, 2))).shape == (0,)

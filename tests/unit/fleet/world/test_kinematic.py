@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from fleet.errors import ConfigError, FleetError
 from fleet.robots import ArmTeam
+from fleet.robots.cars.models import CarModels
 from fleet.world.arms import ServoArms
 from fleet.world.kinematic import BicycleCars, CommandError, KinematicConfig, KinematicWorld, SnapshotError
 from fleet.world.protocol import ParcelBody
@@ -41,7 +42,7 @@ def corners(scene: Scene, pose: FloatArray, step_m: float = 0.002) -> FloatArray
 
 
 def test_car_obeys_its_limits_and_turns_on_its_circle(hall: Scene) -> None:
-    cars, spec = BicycleCars(hall.car, np.zeros((1, 3)), 0.05, 0.0125), hall.car
+    cars, spec = BicycleCars(CarModels.alike(hall.car, 1), np.zeros((1, 3)), 0.05, 0.0125), hall.car
     wild = np.array([[9.0, 9.0]])
     cars.step(wild)
     assert cars.speeds[0] == pytest.approx(spec.max_accel_mps2 * 0.05)
@@ -61,7 +62,9 @@ def test_car_obeys_its_limits_and_turns_on_its_circle(hall: Scene) -> None:
 
 
 def test_a_car_in_too_sharp_a_curve_drives_the_circle_that_its_tyres_hold(hall: Scene) -> None:
-    held, free = (BicycleCars(hall.car, np.zeros((1, 3)), 0.05, 0.0125, grip) for grip in (8.0, math.inf))
+    held, free = (
+        BicycleCars(CarModels.alike(hall.car, 1), np.zeros((1, 3)), 0.05, 0.0125, grip) for grip in (8.0, math.inf)
+    )
     for cars in (held, free):
         for _ in range(60):
             cars.step(np.array([[0.8, 2.0]]))
@@ -73,7 +76,7 @@ def test_a_car_in_too_sharp_a_curve_drives_the_circle_that_its_tyres_hold(hall: 
     assert turned[0] == pytest.approx(8.0 / 2.0)
     assert turned[1] == pytest.approx(2.0 * math.tan(0.8) / hall.car.wheelbase_m)
     # At the speed at which the fleet drives curves nothing is different.
-    slow = [BicycleCars(hall.car, np.zeros((1, 3)), 0.05, 0.0125, grip) for grip in (8.0, math.inf)]
+    slow = [BicycleCars(CarModels.alike(hall.car, 1), np.zeros((1, 3)), 0.05, 0.0125, grip) for grip in (8.0, math.inf)]
     for _ in range(40):
         for cars in slow:
             cars.step(np.array([[-0.8, 1.0]]))
@@ -81,7 +84,7 @@ def test_a_car_in_too_sharp_a_curve_drives_the_circle_that_its_tyres_hold(hall: 
 
 
 def test_change_of_direction_passes_through_a_stand(hall: Scene) -> None:
-    cars = BicycleCars(hall.car, np.zeros((1, 3)), 0.05, 0.0125)
+    cars = BicycleCars(CarModels.alike(hall.car, 1), np.zeros((1, 3)), 0.05, 0.0125)
     cars.step(np.array([[0.0, 0.05]]))
     cars.step(np.array([[0.0, -1.0]]))
     assert cars.speeds[0] == 0.0
@@ -92,7 +95,7 @@ def test_change_of_direction_passes_through_a_stand(hall: Scene) -> None:
 def test_substeps_hardly_change_the_arc(hall: Scene) -> None:
     ends = []
     for substep_s in (0.0125, 0.0001):
-        cars = BicycleCars(hall.car, np.zeros((1, 3)), 0.05, substep_s)
+        cars = BicycleCars(CarModels.alike(hall.car, 1), np.zeros((1, 3)), 0.05, substep_s)
         for _ in range(60):
             cars.step(np.array([[0.6, 1.0]]))
         ends.append(cars.poses[0])

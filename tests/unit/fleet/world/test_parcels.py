@@ -32,7 +32,7 @@ def tip(x: float, y: float, z: float) -> FloatArray:
 @pytest.fixture
 def parcels(hall: Scene) -> PlanarParcels:
     """Return an empty hall."""
-    return PlanarParcels(hall.boxes, hall.car, 1)
+    return PlanarParcels(hall.boxes, hall.cars, 1)
 
 
 def test_parcel_drops_on_the_highest_thing_below(parcels: PlanarParcels, hall: Scene) -> None:
@@ -89,7 +89,7 @@ def test_released_parcel_lands_in_the_tray_and_leaves_with_the_car(parcels: Plan
 
 
 def test_two_tools_never_hold_one_parcel(hall: Scene) -> None:
-    parcels = PlanarParcels(hall.boxes, hall.car, 2)
+    parcels = PlanarParcels(hall.boxes, hall.cars, 2)
     parcels.add(box(0, 7.0, 3.0, 0.1), hall.car_start)
     parcels.update(hall.car_start, np.repeat(tip(7.0, 3.0, 0.06), 2, axis=0), np.array([True, True]))
     assert sorted(parcels.held.tolist()) == [-1, 0]

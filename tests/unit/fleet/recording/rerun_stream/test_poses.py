@@ -16,7 +16,7 @@ from fleet.recording.rerun_stream.poses import (
     snapped,
 )
 from fleet.robots import ARMS, ArmTeam
-from fleet.robots.racecar import racecar_spec
+from fleet.robots.cars.racecar import racecar_spec
 
 
 def quat_rotate(quat: np.ndarray, vector: np.ndarray) -> np.ndarray:
@@ -69,7 +69,7 @@ def test_a_wheel_rolls_forward_about_its_axle() -> None:
 
 def test_steered_wheels_turn_about_one_centre() -> None:
     car = racecar_spec()
-    left, right = ackermann_angles(car, np.array([0.3, -0.3, 0.0]))
+    left, right = ackermann_angles(car.wheelbase_m, car.track_m, np.array([0.3, -0.3, 0.0]))
     radius = 0.325 / math.tan(0.3)
     assert left[0] == pytest.approx(math.atan(0.325 / (radius - 0.1)))
     assert right[0] == pytest.approx(math.atan(0.325 / (radius + 0.1)))

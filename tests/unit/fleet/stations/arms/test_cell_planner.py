@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from fleet.config import Grip
-from fleet.robots import ARMS, racecar_spec
+from fleet.robots import ARMS
+from fleet.robots.cars.racecar import racecar_spec
 from fleet.robots.tools import TOOLS
 from fleet.stations.arms import cell_planner
 from fleet.stations.arms.arm_cell import ArmCell, arm_cells

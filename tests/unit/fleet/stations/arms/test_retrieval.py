@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from fleet.config import Grip
-from fleet.robots import ARMS, racecar_spec
+from fleet.robots import ARMS
+from fleet.robots.cars.racecar import racecar_spec
 from fleet.robots.tools import TOOLS
 from fleet.stations.arms.arm_cell import arm_cells
 from fleet.stations.arms.arm_spheres import planned_arm

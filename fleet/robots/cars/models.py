@@ -1,0 +1,91 @@
+"""CarModels: which model each car of a fleet is, and what that says of all of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fleet.arrays import FloatArray, IntArray
+from fleet.config import USUAL_MODEL
+from fleet.errors import ConfigError
+from fleet.robots.cars import CARS
+from fleet.robots.spec import CarSpec
+
+
+def usual_car() -> CarSpec:
+    """Give the model that cars are unless told otherwise."""
+    return CARS[USUAL_MODEL].spec()
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CarModels:
+    """The models of the cars of a fleet."""
+
+    kinds: tuple[CarSpec, ...]
+    """Each model once, at least one."""
+    kind_of: IntArray
+    """Which of them each car is, shape (n_cars,)."""
+
+    @staticmethod
+    def alike(spec: CarSpec, n_cars: int) -> CarModels:
+        """Cars of one model."""
+        return CarModels(kinds=(spec,), kind_of=np.zeros(n_cars, dtype=np.int64))
+
+    @staticmethod
+    def named(names: Sequence[str]) -> CarModels:
+        """Cars of the named models, at least one.
+
+        Raises:
+            ConfigError: There is no such model.
+        """
+        for car, name in enumerate(names):
+            if name not in CARS:
+                raise ConfigError(f"car_{car}: model is {name!r}; valid: {', '.join(CARS)}")
+        kinds = list(dict.fromkeys(names))
+        kind_of = np.array([kinds.index(name) for name in names], dtype=np.int64)
+        return CarModels(kinds=tuple(CARS[name].spec() for name in kinds), kind_of=kind_of)
+
+    @property
+    def hull(self) -> CarSpec:
+        """A car as long, wide and high as any of them, with the tray that they share."""
+        if len(self.kinds) == 1:
+            return self.kinds[0]
+        return replace(
+            self.kinds[0],
+            front_m=self.most("front_m"),
+            rear_m=self.most("rear_m"),
+            half_width_m=self.most("half_width_m"),
+            height_m=self.most("height_m"),
+        )
+
+    def __len__(self) -> int:
+        return len(self.kind_of)
+
+    def __getitem__(self, car: int) -> CarSpec:
+        return self.kinds[self.kind_of[car]]
+
+    @property
+    def only(self) -> CarSpec:
+        """The model of all cars.
+
+        Raises:
+            ConfigError: There are several.
+        """
+        if len(self.kinds) > 1:
+            names = ", ".join(kind.name for kind in self.kinds)
+            raise ConfigError(f"cars are of the models {names}; valid: one model, for what is not made for several")
+        return self.kinds[0]
+
+    def each(self, number: str) -> FloatArray:
+        """A number of every car's model, such as ``mass_kg``, shape (n_cars,)."""
+        return np.array([getattr(kind, number) for kind in self.kinds], dtype=np.float64)[self.kind_of]
+
+    def some(self, cars: IntArray) -> CarModels:
+        """The models of some of the cars."""
+        return CarModels(kinds=self.kinds, kind_of=self.kind_of[cars])
+
+    def most(self, number: str) -> float:
+        """The greatest such number of any model."""
+        return max(float(getattr(kind, number)) for kind in self.kinds)

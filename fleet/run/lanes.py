@@ -1,0 +1,51 @@
+"""Lanes: the lane graph of a site for the cars of a run, and whether their bodies fit into it."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from fleet.config import USUAL_MODEL
+from fleet.errors import ConfigError
+from fleet.robots.cars.models import CarModels
+from fleet.robots.spec import CarSpec
+from maps.lane_graph import LaneGraph, build_lane_graph, side_by_side
+from maps.site import Site
+
+
+def lanes_for(site: Site, models: CarModels) -> LaneGraph:
+    """Build the lane graph that all cars of a run drive on, in which each model has states and moves of its own.
+
+    Args:
+        site: The site.
+        models: Models of the cars.
+
+    Raises:
+        ConfigError: The body of a model fits no lane to a station or parking place.
+    """
+    graphs = []
+    for kind in models.kinds:
+        graphs.append(build_lane_graph(site, footprint=None if kind.name == USUAL_MODEL else kind.footprint))
+        if kind.name != USUAL_MODEL:
+            _require_ways(site, graphs[-1], kind)
+    return side_by_side(graphs)
+
+
+def _require_ways(site: Site, graph: LaneGraph, kind: CarSpec) -> None:
+    """Refuse a model that cannot drive between all places where cars have to come."""
+    ends = np.stack((graph.move_from, graph.move_to))
+    moves = coo_array((np.ones(graph.n_moves, dtype=np.int8), ends), shape=(graph.n_states, graph.n_states))
+    part_of = connected_components(moves, directed=True, connection="strong")[1]
+    largest = int(np.bincount(part_of).argmax())
+    docks = [(f"station {station.name}", station.dock.cell) for station in site.stations]
+    parking = [(f"the parking place at {site.grid.words(cell)}", cell) for cell in site.parking]
+    for name, cell in (*docks, *parking):
+        states = graph.states_of_cell(cell)
+        if not (part_of[states] == largest).any():
+            length_m, width_m = kind.front_m + kind.rear_m, 2 * kind.half_width_m
+            raise ConfigError(
+                f"model {kind.name}: its body of {length_m:.2f} x {width_m:.2f} m, which turns in "
+                f"{kind.footprint.turn_radius_m:.2f} m, fits no lane to {name} of site {site.name}; "
+                "valid: a model that does, or a site with wider lanes"
+            )
