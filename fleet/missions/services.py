@@ -48,7 +48,7 @@ class Services:
         missions.enter(car, CarPhase.LOADING if loading else CarPhase.UNLOADING)
         state = TaskState.LOADING if loading else TaskState.UNLOADING
         missions.board.move(task, state, now_s, f"car_{car} stands at {station.name}")
-        self._traffic.set_fixed(car, True)
+        self._traffic.set_served(car, True)
         self._traffic.executor.close(self._cell_of[arm])
         self._car_of[arm] = car
         missions.served[arm] = car
@@ -66,4 +66,4 @@ class Services:
 
     def let_go(self, car: int) -> None:
         """A loaded car may drive on while the arm still goes home."""
-        self._traffic.set_fixed(car, False)
+        self._traffic.set_served(car, False)

@@ -205,7 +205,7 @@ class Missions:
         self.changed = True
         if self.phase[car] not in (CarPhase.DEAD, CarPhase.RECOVERING):
             self.enter(car, phase)
-            self._traffic.set_fixed(car, False)
+            self._traffic.set_served(car, False)
 
     def forget(self, car: int) -> None:
         """Leave a car without a task and without a task's right of way."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -46,6 +46,11 @@ MOVE_S = 1.0
 """Least time of a move [s]."""
 THREAD_CARS = 200
 """Plans for so many cars are made in a thread of their own while the run goes on; for fewer that takes longer."""
+GREAT_FLEET_CARS = 100
+"""From so many cars on, some arm begins or ends all the time: a plan that is being made is kept then, and the next one
+is asked for a little later. With 1,000 cars four plans of five were thrown away before, see decision 69."""
+GREAT_FLEET_GAP_S = 0.3
+"""Time from one request to the next in such a fleet, if no period asks for one earlier [s]."""
 REPRICE_S = 5.0
 """Time after which ways are found anew if cars wait elsewhere [s]."""
 
@@ -54,6 +59,8 @@ REPRICE_S = 5.0
 class _Pending:
     due_tick: int
     goals: npt.NDArray[np.int32]
+    fixed: npt.NDArray[np.bool_]
+    """Cars that could not move when it was asked for."""
     plan: Callable[[], Plan]
     """Waits for the plan, if it is still being made."""
 
@@ -126,6 +133,8 @@ class Traffic:
         self._pending: _Pending | None = None
         self._thread: ThreadPoolExecutor | None = None
         self._wanted = True
+        self._gap = round(GREAT_FLEET_GAP_S / tick_s) if n_cars >= GREAT_FLEET_CARS else 0
+        self._next_tick = 0
 
     def change(self, config: TrafficConfig) -> None:
         """Go on with other settings; another planner begins anew, and a plan that is under way still lands."""
@@ -156,6 +165,17 @@ class Traffic:
         """Say that a car cannot move, or that it can again."""
         self.fixed[car] = fixed
         self.discard()
+
+    def set_served(self, car: int, served: bool) -> None:
+        """Say that an arm begins to work on a car, which stands at its goal, or that it may drive on.
+
+        In a great fleet plans under way are kept, as far as they hold; in a small one they are made anew.
+        """
+        if len(self.fixed) < GREAT_FLEET_CARS:
+            self.set_fixed(car, served)
+            return
+        self.fixed[car] = served
+        self._wanted = True
 
     def set_dead(self, car: int, cells: list[int]) -> None:
         """A car will never move again, and these cells are no longer a way; called again, others take their place."""
@@ -255,17 +275,26 @@ class Traffic:
             True when a plan landed.
         """
         landed = False
-        if self._pending is None and not self._silent and (self._wanted or tick % self._period == 0):
+        due = tick % self._period == 0 or (self._wanted and tick >= self._next_tick)
+        if self._pending is None and not self._silent and due:
             due_tick = tick + self._latency + self._late_ticks
-            self._pending = _Pending(due_tick=due_tick, goals=self.goals.copy(), plan=self._plan(tick))
-            self._wanted = False
+            fixed = self.fixed.copy()
+            self._pending = _Pending(due_tick=due_tick, goals=self.goals.copy(), fixed=fixed, plan=self._plan(tick))
+            self._wanted, self._next_tick = False, tick + self._gap
         if self._pending is not None and self._pending.due_tick <= tick:
-            self.executor.accept(self._pending.plan())
+            self.executor.accept(self._landed(self._pending))
             self.landed_goals = self._pending.goals
             self._pending = None
             self.n_plans += 1
             landed = True
         return landed
+
+    def _landed(self, pending: _Pending) -> Plan:
+        """A plan as far as cars stay where they are that can no longer move, though they could when it was begun."""
+        plan = pending.plan()
+        fixed = plan.states[:, self.fixed & ~pending.fixed]
+        moved = (fixed != fixed[0]).any(axis=1)
+        return replace(plan, states=plan.states[: moved.argmax()]) if moved.any() else plan
 
     def _see_crowd(self, tick: int) -> None:
         """Note where cars wait; now and then, let ways go round them."""

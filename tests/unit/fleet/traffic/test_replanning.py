@@ -11,6 +11,7 @@ import pytest
 from fleet.arrays import CellArray
 from fleet.config import TrafficConfig
 from fleet.errors import ConfigError
+from fleet.traffic import replanning
 from fleet.traffic.executor import Executor
 from fleet.traffic.floor_distances import FloorDistances
 from fleet.traffic.replanning import QUEUE_MOVES, Traffic
@@ -198,3 +199,49 @@ def test_a_crowd_is_gone_round_past_blocked_cells_too() -> None:
     run.wait(40.0)
     run.traffic.set_blocked(30, True)
     assert int(run.traffic.ways.to(run.END)[3]) > int(run.traffic.tables.to(run.END)[3])
+
+
+def served(monkeypatch: pytest.MonkeyPatch, least: int) -> Run:
+    """Two cars that stand at their goals, a plan under way; then an arm begins to work on the first."""
+    monkeypatch.setattr(replanning, "GREAT_FLEET_CARS", least)
+    run = Run([5, 20], latency_s=0.5, period_s=100.0)
+    for car, state in enumerate((5, 20)):
+        run.traffic.send(car, state, stay=True, tick=0)
+    run.landings(3)
+    run.traffic.set_served(0, True)
+    return run
+
+
+def test_a_great_fleet_keeps_plans_when_an_arm_begins(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert served(monkeypatch, 2).landings(5) == [5]
+    assert served(monkeypatch, 3).landings(8) == [8], "a small one plans anew"
+
+
+def test_of_a_plan_that_moves_a_car_which_is_served_by_now_nothing_from_there_on_is_done(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(replanning, "GREAT_FLEET_CARS", 2)
+    run = Run([5, 20], latency_s=0.5, period_s=100.0)
+    for car in (0, 1):
+        run.traffic.send(car, 10 + 15 * car, stay=True, tick=0)
+    run.landings(3)
+    run.traffic.set_served(0, True)
+    while not run.tick():
+        pass
+    assert run.executor.tail_states().tolist() == [5, 20]
+    run.landings(30)
+    assert run.executor.tail_states()[0] == 5
+    assert run.executor.tail_states()[1] != 20, "the next plan knows of it"
+
+
+def test_a_great_fleet_asks_for_plans_in_peace(monkeypatch: pytest.MonkeyPatch) -> None:
+    landings = []
+    for least in (1, 2):
+        monkeypatch.setattr(replanning, "GREAT_FLEET_CARS", least)
+        run = Run([0], latency_s=0.0, period_s=100.0)
+        landed = []
+        for tick in range(7):
+            run.traffic.send(0, 10 + tick, stay=False, tick=tick)
+            landed += run.landings(1)
+        landings.append(landed)
+    assert landings == [[0, 3, 6], [0, 1, 2, 3, 4, 5, 6]]
