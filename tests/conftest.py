@@ -41,6 +41,7 @@ LONG = (
     "tests/integration/test_tiled_runs.py",
     "tests/integration/test_twin.py",
     "tests/integration/test_two_way.py",
+    "tests/integration/test_unlike_arms.py",
     "tests/integration/test_unlike_cars.py",
     "tests/interop",
     "tests/unit/benchmarks",

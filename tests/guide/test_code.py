@@ -16,6 +16,7 @@ from tests.guide.pages import Block, each_block, run_block
     "docs/guide/benchmarks.md",
     "docs/guide/development.md",
     "docs/guide/extend.md",
+    "docs/guide/own_arm.md",
     "docs/guide/own_planner.md",
     "docs/guide/own_task_type.md",
     "docs/guide/own_environment.md",

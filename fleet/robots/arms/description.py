@@ -78,6 +78,8 @@ def read_description(path: Path, *, flange: str, n_joints: int) -> ArmDescriptio
     missing = [name for name in names if name not in links]
     if missing:
         raise ArmDescriptionError(f"{path}: a joint names the link {missing[0]!r}; valid: {', '.join(links)}")
+    if len(set(names)) < len(names):
+        raise ArmDescriptionError(f"{path}: link {flange!r} hangs on itself ({', '.join(names)}); valid: a tree")
     chain = [links[name] for name in names]
     limits = np.array([_limits(path, joint) for joint in joints])
     solids = tuple(tuple(_solids(path, link)) for link in chain)
