@@ -80,7 +80,7 @@ class BrokerAddress:
 
 
 class MqttLink:
-    """The connection of one vehicle; see `fleet.gateway.transport.Link`.
+    """The connection of one vehicle; see `fleet.gateway.transport.BrokerLink`.
 
     Args:
         address: The broker.
@@ -123,19 +123,19 @@ class MqttLink:
             raise GatewayError(f"{where}: {self._refusal or 'no answer'}; valid: a broker that lets us in")
 
     def send(self, post: Post) -> None:
-        """See `Link`; while there is no connection, posts are forgotten, as those of QoS 0 would be."""
+        """See `BrokerLink`; while there is no connection, posts are forgotten, as those of QoS 0 would be."""
         if self._client.is_connected():
             self._client.publish(post.topic, post.payload, post.qos, post.retain)
 
     def received(self) -> list[tuple[str, bytes]]:
-        """See `Link`."""
+        """See `BrokerLink`."""
         found = []
         while self._inbox:
             found.append(self._inbox.popleft())
         return found
 
     def close(self, last: Post | None) -> None:
-        """See `Link`."""
+        """See `BrokerLink`."""
         if last is not None and self._client.is_connected():
             self._client.publish(last.topic, last.payload, last.qos, last.retain).wait_for_publish(1.0)
         self._client.disconnect()

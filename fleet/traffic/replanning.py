@@ -46,6 +46,8 @@ MOVE_S = 1.0
 """Least time of a move [s]."""
 THREAD_CARS = 200
 """Plans for so many cars are made in a thread of their own while the run goes on; for fewer that takes longer."""
+STANDING_COST = 100
+"""What a cell costs that somebody stands in who makes no room, in moves: more than most ways round it."""
 REPRICE_S = 5.0
 """Time after which ways are found anew if cars wait elsewhere [s]."""
 
@@ -108,6 +110,7 @@ class Traffic:
         self._distances = self._free
         self._crowding = Crowding(graph.n_cells)
         self._crowd_costs = self._crowding.costs()
+        self._standing = np.zeros(graph.n_cells, dtype=np.int64)
         self._priced_tick = 0
         self.ways = self._distances.around
         """What ways cost past all that is blocked and crowded: the distances that plans are made with."""
@@ -232,6 +235,20 @@ class Traffic:
         self.ways = self._distances.around
         self._price()
 
+    def go_round(self, cells: CellArray) -> None:
+        """Let ways lead round cells whose cars make no room, if there is another way.
+
+        Args:
+            cells: All such cells, shape (k,).
+        """
+        standing = np.zeros_like(self._standing)
+        standing[cells] = STANDING_COST
+        if np.array_equal(standing, self._standing):
+            return
+        self._standing = standing
+        self.ways = self._distances.ways()  # to all goals they may be others now
+        self._price()
+
     def delay(self, delay_s: float) -> None:
         """Let plans that are asked for from now on land so much later than usual."""
         self._late_ticks = round(delay_s / self._tick_s)
@@ -287,12 +304,13 @@ class Traffic:
     def _price(self) -> None:
         """Let ways cost what is known of the crowd; those to where nobody is on his way are left as they were."""
         self.n_ways += 1
+        costs = self._crowd_costs + self._standing
         if self.ways is self._distances.around:
-            if not self._crowd_costs.any():
+            if not costs.any():
                 return
             self.ways = self._distances.ways()
         on_the_way = (self.goals != NO_GOAL) & (self.goals != self.executor.tail_states())
-        self.ways.reprice(self._distances.costs + self._crowd_costs, np.unique(self.goals[on_the_way]))
+        self.ways.reprice(self._distances.costs + costs, np.unique(self.goals[on_the_way]))
 
     def _n_commits(self) -> int:
         """Moves beyond the granted ones that cars keep when plans are made anew."""
