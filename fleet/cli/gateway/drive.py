@@ -18,7 +18,10 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from fleet.gateway.foreign_simulation import ForeignSimulation
+    from fleet.gateway.foreign_vehicles import ForeignVehicles
+    from fleet.gateway.transport import Transport
     from fleet.run.events import Event
+    from fleet.vda5050.envelope import Identity
 
 LOOK_S = 0.1
 """Time between two looks whether all vehicles have spoken [s]."""
@@ -31,7 +34,7 @@ class DriveCommand(Connection):
     vehicle: tuple[str, ...] = ()
     """A vehicle, as MANUFACTURER/SERIAL; once for each."""
     patience: float = 30.0
-    """How long to wait for the vehicles to say where they stand [s]."""
+    """How long to wait for the broker, and for the vehicles to say where they stand [s]."""
     site: str = "small"
     """Name of a shipped site (see `site list`) or path of a site file; its lanes are those that the vehicles know."""
     tasks: int | None = None
@@ -52,10 +55,8 @@ class DriveCommand(Connection):
     def run(self) -> int:
         """Run and print the result; returns the exit status."""
         from fleet.gateway.foreign_simulation import ForeignSimulation
-        from fleet.gateway.foreign_vehicles import ForeignVehicles
         from fleet.recording import RECORDING
         from fleet.session import SessionConfig, run_session
-        from fleet.vda5050.codec import dialect_named
         from fleet.vda5050.envelope import Identity
 
         require(math.isfinite(self.speed) and self.speed > 0, "--speed", self.speed, "a number > 0")
@@ -80,9 +81,9 @@ class DriveCommand(Connection):
         session = SessionConfig(out=self.out, record=self.record, speed=self.speed)
         with ExitStack() as stack:
             transport, console = self.transport(address, "fleet", stack), plain_console()
-            vehicles = ForeignVehicles(identities, dialect_named(self.dialect), transport, datetime.now(UTC))
-            stack.callback(vehicles.close)
             until = time.monotonic() + self.patience
+            vehicles = self._vehicles(identities, transport, until)
+            stack.callback(vehicles.close)
             while None in vehicles.states and time.monotonic() < until:
                 vehicles.hear()
                 time.sleep(LOOK_S)
@@ -98,3 +99,17 @@ class DriveCommand(Connection):
             show_recording(console, self.out / RECORDING, view=False)
         show_next(console, self.out)
         return exit_status(console, result, self.duration)
+
+    def _vehicles(self, identities: list[Identity], transport: Transport, until: float) -> ForeignVehicles:
+        """The connection to the vehicles; a broker that is not up yet is waited for."""
+        from fleet.gateway.errors import GatewayError
+        from fleet.gateway.foreign_vehicles import ForeignVehicles
+        from fleet.vda5050.codec import dialect_named
+
+        while True:
+            try:
+                return ForeignVehicles(identities, dialect_named(self.dialect), transport, datetime.now(UTC))
+            except GatewayError:
+                if time.monotonic() >= until:
+                    raise
+                time.sleep(LOOK_S)
