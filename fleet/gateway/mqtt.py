@@ -15,6 +15,7 @@ import paho.mqtt.client as mqtt
 from paho.mqtt.enums import CallbackAPIVersion
 
 from fleet.gateway.errors import GatewayError
+from fleet.gateway.transport import matches
 from fleet.vda5050.envelope import Post
 
 PORTS = {"mqtt": 1883, "mqtts": 8883}
@@ -154,7 +155,9 @@ class MqttLink:
 
     def _came(self, client: mqtt.Client, data: Any, message: mqtt.MQTTMessage) -> None:
         del client, data
-        self._inbox.append((message.topic, bytes(message.payload)))
+        # amqtt 0.12 also brings retained messages of topics that were not asked for.
+        if any(matches(topic, message.topic) for topic, _ in self._topics):
+            self._inbox.append((message.topic, bytes(message.payload)))
 
 
 class MqttTransport:
