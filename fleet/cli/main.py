@@ -71,6 +71,10 @@ COMMANDS = {
         "diff.Diff",
         "Compare two runs: the first tick that differs, its cause, the figures, and a recording of both.",
     ),
+    "drive": Command(
+        "gateway.drive.DriveCommand",
+        "Order vehicles of others by VDA 5050 over MQTT: they drive, our dispatch and planner decide, our arms serve.",
+    ),
     "evaluate": Command(
         "learning.evaluate.Evaluate",
         "Play named scenarios with a policy; prints figures with intervals and the gain over the scripted fleet.",

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 
 from fleet.gateway.config import GatewayConfig
-from fleet.gateway.floor import CarSurroundings, Floor
+from fleet.gateway.node_map import CarSurroundings, NodeMap
 from fleet.gateway.station_work import StationWork
 from fleet.gateway.transport import Transport
 from fleet.missions.phases import AT_DOCK, CarPhase
@@ -49,30 +49,36 @@ class CommandedCar:
     released node is where it stops.
 
     Args:
-        floor: The floor.
+        node_map: Where nodes are.
         car: Its number.
         config: Who it is on the wire.
         transport: Connects it.
     """
 
-    def __init__(self, floor: Floor, car: int, config: GatewayConfig, transport: Transport) -> None:
-        self._run: RunView = floor.run
-        self._floor = floor
+    def __init__(self, node_map: NodeMap, car: int, config: GatewayConfig, transport: Transport) -> None:
+        self._run: RunView = node_map.run
+        self._nodes = node_map
         self._car = car
-        self._work = StationWork(floor.run, car)
+        self._work = StationWork(node_map.run, car)
         self._envelope = Envelope(config.identity(car), Codec(config.speaks), config.start)
         self.vehicle = Vehicle(
-            CarSurroundings(floor, car),
-            factsheet_of(_build(floor.run.scene.cars[car]), config.timing),
+            CarSurroundings(node_map, car),
+            factsheet_of(_build(node_map.run.scene.cars[car]), config.timing),
             config.timing,
             strict_updates=config.speaks.strict_updates,
         )
         will = self._envelope.post(connection(ConnectionState.BROKEN), 0.0)
         self.link = transport.link([self._envelope.topic(name) for name in HEARD], will)
         self._sessions = 0
-        self._n_finished = int(floor.run.executor.dependencies.queues.finished[car])
+        self._n_finished = int(node_map.run.executor.dependencies.queues.finished[car])
         self._aimed: tuple[object, ...] = ()
         self._was_out = False
+        self._stays = True
+
+    @property
+    def stands(self) -> bool:
+        """Whether the car stays where it is until the master says more."""
+        return self._stays
 
     def tick(self, tick: int, now_s: float) -> None:
         """Hear what has come, go on, and say what has changed."""
@@ -147,7 +153,7 @@ class CommandedCar:
     def _pass(self, state: int, *, stands: bool) -> None:
         """Tick off the nodes that a state is at; at one with an action for standing cars only if the car stands."""
         vehicle = self.vehicle
-        while (route := vehicle.route) and state in self._floor.states(route[0]):
+        while (route := vehicle.route) and state in self._nodes.states(route[0]):
             if route[0].stops and not stands:
                 return
             vehicle.arrived()
@@ -164,7 +170,7 @@ class CommandedCar:
         for action in vehicle.due:
             if work.action_id:
                 return
-            station = self._floor.station_at.get(here)
+            station = self._nodes.station_at.get(here)
             why = "the car does not stand at the dock" if station is None else work.begin(action, station)
             if why:
                 vehicle.acted(action.id, ActionStatus.FAILED, why)
@@ -179,16 +185,17 @@ class CommandedCar:
         if run.missions.phase[car] in _HELD:
             self._aimed = ()
             return
-        granted, route = int(self._floor.granted[car]), self.vehicle.route
+        granted, route = int(self._nodes.granted[car]), self.vehicle.route
         key = granted, run.traffic.n_ways, *(node.sequence for node in route)
         if key == self._aimed:
             return
         self._aimed = key
         goal, stay = self._goal(granted, route)
+        self._stays = goal == granted and stay
         if not route and not run.executor.without_moves()[car]:
             run.executor.halt(car)
         loaded = bool(run.missions.loaded[car])
-        self._floor.ways.send(car, goal, rank_s=LOADED_RANK_S * loaded, stay=stay, tick=tick)
+        self._nodes.ways.send(car, goal, rank_s=LOADED_RANK_S * loaded, stay=stay, tick=tick)
 
     def _goal(self, granted: int, route: Sequence[Node]) -> tuple[int, bool]:
         """The furthest released node that the car comes to through all those before it.
@@ -206,7 +213,7 @@ class CommandedCar:
         table = self._run.traffic.ways
         goal, last = granted, len(left) - 1
         for k, node in enumerate(left):
-            reached = self._floor.reachable((goal,), node)
+            reached = self._nodes.reachable((goal,), node)
             if not reached:
                 if k == 0:
                     fault = fault_of(
@@ -228,24 +235,24 @@ class CommandedCar:
         numbers = range(int(q.finished[car]), int(q.granted[car]))
         passed = 0
         for state in [int(q.move_to[move_at(q, car, number)]) for number in numbers]:
-            while passed < len(route) and state in self._floor.states(route[passed]):
+            while passed < len(route) and state in self._nodes.states(route[passed]):
                 if route[passed].stops and state != granted:
                     break
                 passed += 1
         return route[passed:]
 
     def _sight(self) -> Sight:
-        floor, car, run = self._floor, self._car, self._run
-        x, y, yaw = floor.poses[car].tolist()
-        speed = float(floor.speeds[car])
+        node_map, car, run = self._nodes, self._car, self._run
+        x, y, yaw = node_map.poses[car].tolist()
+        speed = float(node_map.speeds[car])
         batteries = run.batteries
         return Sight(
             x=x,
             y=y,
             theta=math.remainder(yaw, math.tau),
-            map_id=floor.map_id,
+            map_id=node_map.map_id,
             speed_mps=speed,
-            turn_radps=speed * math.tan(float(floor.steering[car])) / run.scene.cars[self._car].wheelbase_m,
+            turn_radps=speed * math.tan(float(node_map.steering[car])) / run.scene.cars[car].wheelbase_m,
             driving=abs(speed) > DRIVES_MPS,
             charge_percent=100.0 if batteries is None else 100.0 * float(batteries.charge[car]),
             charging=bool(run.missions.charges[car]),

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from fleet.arrays import BoolArray, CellArray, FloatArray
 from fleet.gateway.foreign_vehicles import ForeignVehicles
 from fleet.traffic.drivers import StateDriver
-from fleet.vda5050.order_book import OrderBook, Waypoint
+from fleet.vda5050.growing_order import GrowingOrder, Waypoint
 from fleet.world.protocol import World
 from maps.lane_graph import LaneGraph
 
@@ -44,7 +44,7 @@ class ForeignDriver(StateDriver):
         self._n_moved = np.zeros(len(start_states), dtype=np.int64)
         self._now_s = 0.0
         for car, state in enumerate(start_states.tolist()):
-            vehicles.books[car] = OrderBook(f"car_{car}", self._waypoint(state))
+            vehicles.books[car] = GrowingOrder(f"car_{car}", self._waypoint(state))
 
     def append(self, cars: CellArray, moves: CellArray) -> None:
         """Release the ends of granted moves; see `Driver`."""
@@ -65,7 +65,7 @@ class ForeignDriver(StateDriver):
         passed = np.array([self._book(car).n_passed for car in range(len(self._n_moved))])
         return super()._stand(done, world) | (passed <= self._n_moved)
 
-    def _book(self, car: int) -> OrderBook:
+    def _book(self, car: int) -> GrowingOrder:
         book = self._vehicles.books[car]
         if book is None:
             raise AssertionError(f"car_{car} has an order book")

@@ -12,9 +12,9 @@ import numpy.typing as npt
 from fleet.assembly import Parts
 from fleet.config import Fidelity, RunConfig, require
 from fleet.gateway.errors import GatewayError
-from fleet.gateway.floor import DEVIATION_M, DEVIATION_RAD, node_names
 from fleet.gateway.foreign_driver import ForeignDriver
 from fleet.gateway.foreign_vehicles import ForeignVehicles
+from fleet.gateway.node_map import DEVIATION_M, DEVIATION_RAD, node_names
 from fleet.run.events import Event
 from fleet.run.setup import RunSetup
 from fleet.simulation import Simulation

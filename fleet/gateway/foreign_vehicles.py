@@ -8,12 +8,12 @@ from datetime import datetime, timedelta
 from typing import Any
 
 from fleet.gateway.errors import GatewayError
-from fleet.gateway.transport import Link, Transport
+from fleet.gateway.transport import BrokerLink, Transport
 from fleet.vda5050.codec import Body, Codec
 from fleet.vda5050.dialects import Dialect
 from fleet.vda5050.envelope import Identity, Post
 from fleet.vda5050.faults import MessageError
-from fleet.vda5050.order_book import OrderBook
+from fleet.vda5050.growing_order import GrowingOrder
 
 HEARD = ("state", "connection")
 """Topics that a master listens to."""
@@ -30,19 +30,20 @@ class ForeignVehicles:
     """
 
     def __init__(self, identities: Sequence[Identity], dialect: Dialect, transport: Transport, start: datetime) -> None:
-        self.books: list[OrderBook | None] = [None] * len(identities)
+        self.books: list[GrowingOrder | None] = [None] * len(identities)
         """Orders of each vehicle; None = there is none yet."""
         self.states: list[Body | None] = [None] * len(identities)
         """The newest state of each vehicle, in the words of 3.0.0; None = it has said nothing yet."""
         self.is_online = [False] * len(identities)
         self.n_malformed = 0
         """Messages that could not be read."""
+        self._newest = [""] * len(identities)
         self._identities = list(identities)
         self._codec = Codec(dialect)
         self._start = start
         self._n_sent = [0] * len(identities)
         self._car_of = {one.topic(dialect.level, name): car for car, one in enumerate(identities) for name in HEARD}
-        self._link: Link = transport.link(list(self._car_of), None)
+        self._link: BrokerLink = transport.link(list(self._car_of), None)
 
     def hear(self) -> None:
         """Take in what has come; what is older than the last state of its vehicle is left alone."""
@@ -87,9 +88,10 @@ class ForeignVehicles:
         return float(position["x"]), float(position["y"]), float(position["theta"])
 
     def _note_state(self, car: int, body: Body) -> None:
-        before = self.states[car]
-        if before is not None and str(body["timestamp"]) < str(before["timestamp"]):
+        stamp = str(body["timestamp"])
+        if stamp < self._newest[car]:
             return
+        self._newest[car] = stamp
         self.is_online[car] = True
         book = self.books[car]
         if book is not None:

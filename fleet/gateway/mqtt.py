@@ -15,6 +15,7 @@ import paho.mqtt.client as mqtt
 from paho.mqtt.enums import CallbackAPIVersion
 
 from fleet.gateway.errors import GatewayError
+from fleet.gateway.transport import matches
 from fleet.vda5050.envelope import Post
 
 PORTS = {"mqtt": 1883, "mqtts": 8883}
@@ -80,7 +81,7 @@ class BrokerAddress:
 
 
 class MqttLink:
-    """The connection of one vehicle; see `fleet.gateway.transport.Link`.
+    """The connection of one vehicle; see `fleet.gateway.transport.BrokerLink`.
 
     Args:
         address: The broker.
@@ -123,19 +124,19 @@ class MqttLink:
             raise GatewayError(f"{where}: {self._refusal or 'no answer'}; valid: a broker that lets us in")
 
     def send(self, post: Post) -> None:
-        """See `Link`; while there is no connection, posts are forgotten, as those of QoS 0 would be."""
+        """See `BrokerLink`; while there is no connection, posts are forgotten, as those of QoS 0 would be."""
         if self._client.is_connected():
             self._client.publish(post.topic, post.payload, post.qos, post.retain)
 
     def received(self) -> list[tuple[str, bytes]]:
-        """See `Link`."""
+        """See `BrokerLink`."""
         found = []
         while self._inbox:
             found.append(self._inbox.popleft())
         return found
 
     def close(self, last: Post | None) -> None:
-        """See `Link`."""
+        """See `BrokerLink`."""
         if last is not None and self._client.is_connected():
             self._client.publish(last.topic, last.payload, last.qos, last.retain).wait_for_publish(1.0)
         self._client.disconnect()
@@ -154,7 +155,9 @@ class MqttLink:
 
     def _came(self, client: mqtt.Client, data: Any, message: mqtt.MQTTMessage) -> None:
         del client, data
-        self._inbox.append((message.topic, bytes(message.payload)))
+        # amqtt 0.12 also brings retained messages of topics that were not asked for.
+        if any(matches(topic, message.topic) for topic, _ in self._topics):
+            self._inbox.append((message.topic, bytes(message.payload)))
 
 
 class MqttTransport:

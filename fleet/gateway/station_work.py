@@ -10,7 +10,7 @@ from fleet.stations.station import Station
 from fleet.tasks.board import Task, TaskState
 from fleet.tasks.order import Delivery
 from fleet.vda5050.order import Action
-from fleet.vda5050.sight import Load
+from fleet.vda5050.sight import CarriedLoad
 from fleet.vda5050.vehicle import ActionStatus
 
 MASS_KG, EDGE_M = 0.3, 0.06
@@ -43,10 +43,10 @@ class StationWork:
         self._run = run
         self._car = car
         self._job: _Job | None = None
-        self._loads: dict[int, Load] = {}
+        self._loads: dict[int, CarriedLoad] = {}
 
     @property
-    def loads(self) -> tuple[Load, ...]:
+    def loads(self) -> tuple[CarriedLoad, ...]:
         """What lies in the tray."""
         task = self._run.missions.task_of[self._car]
         if task is None or task.state not in _CARRIED:
@@ -140,7 +140,7 @@ class StationWork:
         )
         task = run.board.add(order)
         run.board.release_due(now_s)
-        self._loads[task.index] = Load(
+        self._loads[task.index] = CarriedLoad(
             id=str(action.parameters.get("loadId", order.name)),
             type=str(action.parameters.get("loadType", "parcel")),
             weight_kg=order.mass_kg,

@@ -9,7 +9,7 @@ from typing import Protocol
 from fleet.vda5050.envelope import Post
 
 
-class Link(Protocol):
+class BrokerLink(Protocol):
     """The connection of one vehicle, or of a master."""
 
     n_sessions: int
@@ -28,7 +28,7 @@ class Link(Protocol):
 class Transport(Protocol):
     """Makes connections to one broker."""
 
-    def link(self, topics: Sequence[str], will: Post | None) -> Link:
+    def link(self, topics: Sequence[str], will: Post | None) -> BrokerLink:
         """Connect a vehicle, or a master.
 
         Args:
@@ -49,12 +49,12 @@ class MemoryLink:
         self._is_open = True
 
     def send(self, post: Post) -> None:
-        """See `Link`."""
+        """See `BrokerLink`."""
         if self._is_open:
             self._broker.publish(post)
 
     def received(self) -> list[tuple[str, bytes]]:
-        """See `Link`."""
+        """See `BrokerLink`."""
         return [(post.topic, post.payload) for post in self.posts()]
 
     def posts(self) -> list[Post]:
@@ -64,7 +64,7 @@ class MemoryLink:
         return found
 
     def close(self, last: Post | None) -> None:
-        """See `Link`."""
+        """See `BrokerLink`."""
         if last is not None:
             self.send(last)
         self._broker.forget(self)

@@ -51,6 +51,8 @@ GREAT_FLEET_CARS = 100
 is asked for a little later. With 1,000 cars four plans of five were thrown away before, see decision 69."""
 GREAT_FLEET_GAP_S = 0.3
 """Time from one request to the next in such a fleet, if no period asks for one earlier [s]."""
+STANDING_COST = 100
+"""What a cell costs that somebody stands in who makes no room, in moves: more than most ways round it."""
 REPRICE_S = 5.0
 """Time after which ways are found anew if cars wait elsewhere [s]."""
 
@@ -115,6 +117,7 @@ class Traffic:
         self._distances = self._free
         self._crowding = Crowding(graph.n_cells)
         self._crowd_costs = self._crowding.costs()
+        self._standing = np.zeros(graph.n_cells, dtype=np.int64)
         self._priced_tick = 0
         self.ways = self._distances.around
         """What ways cost past all that is blocked and crowded: the distances that plans are made with."""
@@ -252,6 +255,20 @@ class Traffic:
         self.ways = self._distances.around
         self._price()
 
+    def go_round(self, cells: CellArray) -> None:
+        """Let ways lead round cells whose cars make no room, if there is another way.
+
+        Args:
+            cells: All such cells, shape (k,).
+        """
+        standing = np.zeros_like(self._standing)
+        standing[cells] = STANDING_COST
+        if np.array_equal(standing, self._standing):
+            return
+        self._standing = standing
+        self.ways = self._distances.ways()  # to all goals they may be others now
+        self._price()
+
     def delay(self, delay_s: float) -> None:
         """Let plans that are asked for from now on land so much later than usual."""
         self._late_ticks = round(delay_s / self._tick_s)
@@ -316,12 +333,13 @@ class Traffic:
     def _price(self) -> None:
         """Let ways cost what is known of the crowd; those to where nobody is on his way are left as they were."""
         self.n_ways += 1
+        costs = self._crowd_costs + self._standing
         if self.ways is self._distances.around:
-            if not self._crowd_costs.any():
+            if not costs.any():
                 return
             self.ways = self._distances.ways()
         on_the_way = (self.goals != NO_GOAL) & (self.goals != self.executor.tail_states())
-        self.ways.reprice(self._distances.costs + self._crowd_costs, np.unique(self.goals[on_the_way]))
+        self.ways.reprice(self._distances.costs + costs, np.unique(self.goals[on_the_way]))
 
     def _n_commits(self) -> int:
         """Moves beyond the granted ones that cars keep when plans are made anew."""

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any, Protocol
 
-from fleet.vda5050.faults import ErrorType, Fault, fault_of
-from fleet.vda5050.order import Action, Edge, Node, Order
+from fleet.vda5050.faults import ErrorType, VehicleFault, fault_of
+from fleet.vda5050.order import Action, Edge, Node, OrderMessage
 from maps.reading.shown import shown
 
 
@@ -20,7 +20,7 @@ class OperatingMode(StrEnum):
     """It takes no orders until somebody has looked after it."""
 
 
-class Outcome(StrEnum):
+class OrderOutcome(StrEnum):
     """What becomes of an order message."""
 
     NEW = "new"
@@ -34,8 +34,8 @@ class Outcome(StrEnum):
 class Verdict:
     """What becomes of an order message, and why."""
 
-    outcome: Outcome
-    fault: Fault | None = None
+    outcome: OrderOutcome
+    fault: VehicleFault | None = None
     """What is reported; None = nothing."""
 
     @property
@@ -45,7 +45,7 @@ class Verdict:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Held:
+class HeldOrder:
     """What a vehicle knows of the order that it has, or had last."""
 
     order_id: str = ""
@@ -59,7 +59,7 @@ class Held:
     idle: bool = True
 
 
-class Surroundings(Protocol):
+class VehicleSurroundings(Protocol):
     """What a vehicle knows of itself and of its floor."""
 
     @property
@@ -84,7 +84,9 @@ class Surroundings(Protocol):
         """The field of an edge that the vehicle cannot follow, with its value and what is valid; empty if none."""
 
 
-def judge(order: Order, held: Held, mode: OperatingMode, around: Surroundings, *, strict_updates: bool) -> Verdict:
+def judge(
+    order: OrderMessage, held: HeldOrder, mode: OperatingMode, around: VehicleSurroundings, *, strict_updates: bool
+) -> Verdict:
     """Decide on an order message that is well formed; malformed ones are a `VALIDATION_FAILURE` before this.
 
     Args:
@@ -106,10 +108,10 @@ def judge(order: Order, held: Held, mode: OperatingMode, around: Surroundings, *
         verdict = _by_what_is_held(order, held, strict_updates=strict_updates)
     verdict = verdict or _by_means(order, mode, around) or _by_actions(order, around, update=update)
     verdict = verdict or _by_place(order, around, update=update, standing=held.idle)
-    return verdict or Verdict(outcome=Outcome.UPDATE if update else Outcome.NEW)
+    return verdict or Verdict(outcome=OrderOutcome.UPDATE if update else OrderOutcome.NEW)
 
 
-def _by_what_is_held(order: Order, held: Held, *, strict_updates: bool) -> Verdict | None:
+def _by_what_is_held(order: OrderMessage, held: HeldOrder, *, strict_updates: bool) -> Verdict | None:
     """A new order is taken by an idle vehicle only."""
     if not held.idle:
         return _refused(ErrorType.OTHER_ORDER_ACTIVE, f"order {shown(held.order_id)} is not done yet", order)
@@ -119,7 +121,7 @@ def _by_what_is_held(order: Order, held: Held, *, strict_updates: bool) -> Verdi
     return None
 
 
-def _by_number(order: Order, held: Held, *, strict_updates: bool) -> Verdict | None:
+def _by_number(order: OrderMessage, held: HeldOrder, *, strict_updates: bool) -> Verdict | None:
     """An update has a higher number, and begins where the base ends."""
     if order.update < held.update:
         words = f"orderUpdateId is {order.update}; valid: more than {held.update}"
@@ -128,7 +130,7 @@ def _by_number(order: Order, held: Held, *, strict_updates: bool) -> Verdict | N
         if strict_updates and order.fields != held.fields:
             words = f"update {order.update} is known with another content; valid: the same again, or a higher number"
             return _refused(ErrorType.SAME_ORDER_UPDATE_ID, words, order)
-        return Verdict(outcome=Outcome.REPEATED)
+        return Verdict(outcome=OrderOutcome.REPEATED)
     if held.cancelled:
         words = f"order {shown(order.id)} was cancelled; valid: an order with another orderId"
         return _refused(ErrorType.ORDER_UPDATE_FOLLOWING_CANCEL, words, order)
@@ -142,7 +144,7 @@ def _by_number(order: Order, held: Held, *, strict_updates: bool) -> Verdict | N
     return None
 
 
-def _by_means(order: Order, mode: OperatingMode, around: Surroundings) -> Verdict | None:
+def _by_means(order: OrderMessage, mode: OperatingMode, around: VehicleSurroundings) -> Verdict | None:
     """The vehicle is in service, has the maps, and can use all fields."""
     if mode is not OperatingMode.AUTOMATIC:
         return _refused(ErrorType.MOBILE_ROBOT_NOT_AVAILABLE, f"the operating mode is {mode.value}", order)
@@ -157,7 +159,7 @@ def _by_means(order: Order, mode: OperatingMode, around: Surroundings) -> Verdic
     return None
 
 
-def _by_actions(order: Order, around: Surroundings, *, update: bool) -> Verdict | None:
+def _by_actions(order: OrderMessage, around: VehicleSurroundings, *, update: bool) -> Verdict | None:
     """The vehicle can do all actions; those of the first node of an update are known already."""
     for edge in order.edges:
         for action in edge.actions:
@@ -170,7 +172,7 @@ def _by_actions(order: Order, around: Surroundings, *, update: bool) -> Verdict 
     return None
 
 
-def _by_place(order: Order, around: Surroundings, *, update: bool, standing: bool) -> Verdict | None:
+def _by_place(order: OrderMessage, around: VehicleSurroundings, *, update: bool, standing: bool) -> Verdict | None:
     """The vehicle stands where a new order begins, and can go from node to node."""
     if not update and (why := around.in_range(order.nodes[0])):
         return _refused(ErrorType.START_NODE_OUT_OF_RANGE, why, order, nodeId=order.nodes[0].id)
@@ -179,6 +181,6 @@ def _by_place(order: Order, around: Surroundings, *, update: bool, standing: boo
     return None
 
 
-def _refused(kind: ErrorType, words: str, order: Order, **references: object) -> Verdict:
+def _refused(kind: ErrorType, words: str, order: OrderMessage, **references: object) -> Verdict:
     fault = fault_of(kind, words, orderId=order.id, orderUpdateId=order.update, **references)
-    return Verdict(outcome=Outcome.REFUSED, fault=fault)
+    return Verdict(outcome=OrderOutcome.REFUSED, fault=fault)

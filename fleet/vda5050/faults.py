@@ -59,7 +59,7 @@ LEVEL_OF = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class Fault:
+class VehicleFault:
     """An entry of `errors` in a state message."""
 
     type: str
@@ -78,10 +78,10 @@ class Fault:
         }
 
 
-def fault_of(kind: ErrorType, description: str, **references: object) -> Fault:
+def fault_of(kind: ErrorType, description: str, **references: object) -> VehicleFault:
     """A fault of a predefined type, with the level that belongs to it."""
     pairs = tuple((key, str(value)) for key, value in references.items())
-    return Fault(
+    return VehicleFault(
         type=kind.value,
         description=description,
         level=LEVEL_OF.get(kind, ErrorLevel.WARNING),

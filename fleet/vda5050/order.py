@@ -68,7 +68,7 @@ class Position:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Part:
+class OrderPart:
     """A node or an edge."""
 
     id: str
@@ -78,7 +78,7 @@ class Part:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Node(Part):
+class Node(OrderPart):
     """Where to go, and what to do there."""
 
     position: Position | None
@@ -98,7 +98,7 @@ class Node(Part):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Edge(Part):
+class Edge(OrderPart):
     """The way from a node to the next."""
 
     fields: Mapping[str, Any]
@@ -110,7 +110,7 @@ class Edge(Part):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Order:
+class OrderMessage:
     """An order, or an update of one."""
 
     id: str
@@ -121,7 +121,7 @@ class Order:
     """The whole message without its header."""
 
     @property
-    def parts(self) -> list[Part]:
+    def parts(self) -> list[OrderPart]:
         """Nodes and edges, in the order in which the vehicle comes to them."""
         return sorted([*self.nodes, *self.edges], key=lambda part: part.sequence)
 
@@ -139,7 +139,7 @@ class Order:
 HEADER = ("headerId", "timestamp", "version", "manufacturer", "serialNumber")
 
 
-def order_of(body: Body) -> Order:
+def order_of(body: Body) -> OrderMessage:
     """An order from a message in the words of 3.0.0.
 
     Raises:
@@ -153,7 +153,7 @@ def order_of(body: Body) -> Order:
         _edge(_object(edge, f"order.edges[{k}]"), f"order.edges[{k}]")
         for k, edge in enumerate(_list(body, "edges", "order"))
     )
-    order = Order(
+    order = OrderMessage(
         id=_text(body, "orderId", "order"),
         update=_whole(body, "orderUpdateId", "order"),
         nodes=nodes,
@@ -173,7 +173,7 @@ def instant_actions_of(body: Body) -> tuple[Action, ...]:
     return _actions(body, "instantActions", default_blocking="NONE")
 
 
-def _check(order: Order) -> None:
+def _check(order: OrderMessage) -> None:
     """Nodes and edges alternate, and what is released comes before what is not (section 6.1.1)."""
     nodes, edges = order.nodes, order.edges
     if not nodes:
@@ -183,7 +183,7 @@ def _check(order: Order) -> None:
     first = nodes[0].sequence
     if first % 2:
         raise MessageError(f"order.nodes[0].sequenceId is {first}; valid: an even number")
-    lists: tuple[tuple[str, Sequence[Part], int], ...] = (("nodes", nodes, first), ("edges", edges, first + 1))
+    lists: tuple[tuple[str, Sequence[OrderPart], int], ...] = (("nodes", nodes, first), ("edges", edges, first + 1))
     for name, listed, begin in lists:
         for k, part in enumerate(listed):
             if part.sequence != begin + 2 * k:

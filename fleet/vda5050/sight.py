@@ -8,7 +8,7 @@ from typing import Any
 
 
 @dataclass(frozen=True, kw_only=True)
-class Load:
+class CarriedLoad:
     """What lies on a vehicle."""
 
     id: str
@@ -35,7 +35,7 @@ class Sight:
     driving: bool
     charge_percent: float
     charging: bool
-    loads: tuple[Load, ...] = ()
+    loads: tuple[CarriedLoad, ...] = ()
     way: Callable[[], Sequence[tuple[float, float]]] = tuple
     """Gives points of the way that it is about to drive [m], at least two, or none; asked for a state only."""
 

@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Any
 
-from fleet.vda5050.acceptance import Held, OperatingMode, Outcome, Surroundings, Verdict, judge
-from fleet.vda5050.faults import ErrorLevel, ErrorType, Fault, MessageError, fault_of
-from fleet.vda5050.order import Action, Blocking, Body, Edge, Node, Order, instant_actions_of, order_of
+from fleet.vda5050.acceptance import HeldOrder, OperatingMode, OrderOutcome, VehicleSurroundings, Verdict, judge
+from fleet.vda5050.faults import ErrorLevel, ErrorType, MessageError, VehicleFault, fault_of
+from fleet.vda5050.order import Action, Blocking, Body, Edge, Node, OrderMessage, instant_actions_of, order_of
 from fleet.vda5050.sight import Sight
 from maps.reading.shown import shown
 
@@ -101,7 +101,7 @@ class Vehicle:
     """
 
     def __init__(
-        self, around: Surroundings, factsheet: dict[str, Any], timing: Timing, *, strict_updates: bool
+        self, around: VehicleSurroundings, factsheet: dict[str, Any], timing: Timing, *, strict_updates: bool
     ) -> None:
         self.mode = OperatingMode.AUTOMATIC
         self.paused = False
@@ -110,7 +110,7 @@ class Vehicle:
         self._factsheet = factsheet
         self._timing = timing
         self._strict_updates = strict_updates
-        self._held = Held()
+        self._held = HeldOrder()
         self._nodes: list[Node] = []
         self._edges: list[Edge] = []
         self._actions: dict[str, ActionState] = {}
@@ -119,7 +119,7 @@ class Vehicle:
         self._instant: dict[str, ActionState] = {}
         self._cancelling: str | None = None
         """The instant action that cancels the order, as long as it has not ended."""
-        self._faults: list[Fault] = []
+        self._faults: list[VehicleFault] = []
         self._wanted = {"connection", "factsheet", "state"}
         self._told: tuple[object, ...] = ()
         self._told_s = self._shown_s = -math.inf
@@ -142,9 +142,9 @@ class Vehicle:
         self._wanted.add("state")
         if verdict.fault is not None:
             self.report(verdict.fault)
-        elif verdict.outcome is not Outcome.REPEATED:
+        elif verdict.outcome is not OrderOutcome.REPEATED:
             self._faults = [fault for fault in self._faults if fault.type not in ORDER_FAULTS]
-            self._take(order, anew=verdict.outcome is Outcome.NEW)
+            self._take(order, anew=verdict.outcome is OrderOutcome.NEW)
         return verdict
 
     def malformed(self, words: str, body: Body | None = None) -> Verdict:
@@ -152,7 +152,7 @@ class Vehicle:
         known = {name: shown(body[name]).strip("'") for name in ("orderId", "orderUpdateId") if body and name in body}
         fault = fault_of(ErrorType.VALIDATION_FAILURE, words, **known)
         self.report(fault)
-        return Verdict(outcome=Outcome.REFUSED, fault=fault)
+        return Verdict(outcome=OrderOutcome.REFUSED, fault=fault)
 
     def instant_actions(self, body: Body) -> None:
         """Do what a message of instant actions asks for; one that came before is left alone."""
@@ -197,7 +197,7 @@ class Vehicle:
             self._instant[cancels] = replace(self._instant[cancels], status=ActionStatus.FINISHED)
             self._wanted.add("state")
 
-    def report(self, fault: Fault) -> None:
+    def report(self, fault: VehicleFault) -> None:
         """Report a fault; a further one of its type takes its place."""
         self._faults = [other for other in self._faults if other.type != fault.type] + [fault]
         self._wanted.add("state")
@@ -209,7 +209,7 @@ class Vehicle:
             self._faults = left
             self._wanted.add("state")
 
-    def fail(self, fault: Fault) -> None:
+    def fail(self, fault: VehicleFault) -> None:
         """The vehicle is out of service: its order is cleared, and it takes no other (section 6.6.7)."""
         self.report(fault)
         self._clear("the vehicle is out of service")
@@ -334,7 +334,7 @@ class Vehicle:
 
     # --- inside
 
-    def _take(self, order: Order, *, anew: bool) -> None:
+    def _take(self, order: OrderMessage, *, anew: bool) -> None:
         if anew:
             self._actions = {}
             self._queue = []
@@ -350,7 +350,7 @@ class Vehicle:
         for action in order.actions:
             self._actions.setdefault(action.id, ActionState(action=action, status=ActionStatus.WAITING))
         last = [node for node in order.nodes if node.released][-1]
-        self._held = Held(order_id=order.id, update=order.update, fields=order.fields, decision_point=last)
+        self._held = HeldOrder(order_id=order.id, update=order.update, fields=order.fields, decision_point=last)
         if anew:
             self.arrived()  # it stands there already
 
@@ -414,6 +414,6 @@ OUT_OF_SERVICE = "mobileRobotOutOfService"
 """Type of the fault of a vehicle that somebody has to look after; the standard leaves such types to vendors."""
 
 
-def out_of_service(why: str) -> Fault:
+def out_of_service(why: str) -> VehicleFault:
     """The fault of a vehicle that takes no more orders."""
-    return Fault(type=OUT_OF_SERVICE, description=why, level=ErrorLevel.FATAL)
+    return VehicleFault(type=OUT_OF_SERVICE, description=why, level=ErrorLevel.FATAL)

@@ -23,6 +23,7 @@ REQUIRED = {
     "calibrate": ["motion.csv"],
     "dataset": ["--scenario", "dispatch_due", "--out", "data"],
     "diff": ["run_1", "run_2"],
+    "drive": ["--vda5050", "mqtt://127.0.0.1:1883"],
     "export": ["run", "--mcap", "run.mcap"],
     "gap": ["small"],
     "lorr": ["problem.json"],

@@ -301,7 +301,7 @@ def test_a_refused_run_leaves_earlier_results_alone(tmp_path: Path, capsys: pyte
             ["frob"],
             [
                 "'frob'",
-                "demo, diff, evaluate, export, fit, gap, lorr, mend, plan, play, replay",
+                "demo, diff, drive, evaluate, export, fit, gap, lorr, mend, plan, play, replay",
                 "report, serve, shot, study, train, view, why, site",
             ],
         ),
@@ -323,6 +323,13 @@ def test_a_refused_run_leaves_earlier_results_alone(tmp_path: Path, capsys: pyte
         (["site", "import", "nope.xml", "--out", "OUT"], ["nope.xml: cannot be read", "openTCS plant model 7"]),
         (["site", "import", "floor.dwg", "--out", "OUT"], ["floor.dwg: the name says no format"]),
         (["export", "nowhere"], ["--mcap", "missing"]),
+        (["drive", "--vda5050", MQTT], ["--vehicle is ''", "MANUFACTURER/SERIAL"]),
+        (["drive", "--vda5050", MQTT, "--vehicle", "001"], ["--vehicle is '001'", "MANUFACTURER/SERIAL"]),
+        (
+            ["drive", "--vda5050", MQTT, "--vehicle", "a/1", "--vehicle", "a/1"],
+            ["--vehicle is '1'", "each vehicle once"],
+        ),
+        (["drive", "--vda5050", MQTT, "--vehicle", "a/1", "--speed", "0"], ["--speed is 0.0", "a number > 0"]),
         (["serve"], ["--vda5050", "missing"]),
         (["serve", "--vda5050", "127.0.0.1:1883"], ["--vda5050 is '127.0.0.1:1883'", "mqtt://HOST:PORT"]),
         (["serve", "--vda5050", "mqtt://localhost:port"], ["--vda5050 is 'mqtt://localhost:port'", "mqtts://HOST"]),

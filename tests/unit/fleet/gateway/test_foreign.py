@@ -64,9 +64,8 @@ def halls() -> Any:
         hall.close()
 
 
-@pytest.mark.parametrize("dialect", ["2.0.0-coaty", "3.0.0"])
-def test_our_dispatch_has_parcels_brought_by_vehicles_of_others(dialect: str, halls: Any) -> None:
-    hall = halls(dialect, 3, tasks=4)
+def test_our_dispatch_has_parcels_brought_by_vehicles_of_others(halls: Any) -> None:
+    hall = halls("2.0.0-coaty", 3, tasks=4)
     hall.run()
     summary = hall.master.summary()
     assert (summary.tasks_done, summary.tasks_failed) == (4, 0)
@@ -125,7 +124,8 @@ def test_messages_that_cannot_be_read_or_are_late_are_left_alone() -> None:
 
     say(b"nonsense")
     say(b'{"version": "3.0.0"}')
-    assert vehicles.n_malformed == 1
+    assert vehicles.n_malformed == 2
+    assert vehicles.states[0] is None
     say(b'{"version": "3.0.0", "timestamp": "2026-01-02T00:00:00Z", "headerId": 5}')
     say(b'{"version": "3.0.0", "timestamp": "2026-01-01T00:00:00Z", "headerId": 4}')
     assert vehicles.states[0] is not None

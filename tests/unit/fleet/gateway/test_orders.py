@@ -250,3 +250,13 @@ def test_a_dead_car_says_so_fails_its_order_and_takes_no_other() -> None:
         master.send("car_0", "order", order("o2", node(play.here[0], 0)))
         play.tick(2)
         assert "MOBILE_ROBOT_NOT_AVAILABLE" in master.errors("car_0")
+
+
+def test_a_car_drives_round_one_that_stands_in_its_shortest_way() -> None:
+    """Bays of this site lead from one aisle to another, and no car makes room that its master has not sent."""
+    with Play(site="medium", robots=8) as play:
+        play.tick()
+        home = play.here[6]
+        play.master.send("car_6", "order", order("o", node(home, 0), node("drop_4", 2), node(home, 4)))
+        play.until(lambda: play.master.is_done("car_6", "o"), 200.0)
+        assert play.master.state("car_6")["lastNodeId"] == home

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from fleet.vda5050.acceptance import OperatingMode, Outcome
+from fleet.vda5050.acceptance import OperatingMode, OrderOutcome
 from fleet.vda5050.codec import Codec
 from fleet.vda5050.dialects import DIALECTS, Dialect
 from fleet.vda5050.faults import ErrorType
@@ -176,7 +176,7 @@ def test_an_error_of_an_order_is_reported_until_one_is_accepted(dialect: str) ->
     bench.tell(elsewhere())
     bench.tell(broken(orderUpdateId="first"))
     assert len(bench.errors()) == 2
-    assert bench.tell(FIRST) == Outcome.NEW
+    assert bench.tell(FIRST) == OrderOutcome.NEW
     assert bench.errors() == []
 
 

@@ -14,7 +14,7 @@ from fleet.vda5050.envelope import Envelope, Identity
 from fleet.vda5050.factsheet import Build, factsheet_of
 from fleet.vda5050.faults import ErrorType, ForeignMessageError, MessageError, fault_of
 from fleet.vda5050.order import order_of
-from fleet.vda5050.sight import Load, Sight
+from fleet.vda5050.sight import CarriedLoad, Sight
 from fleet.vda5050.vehicle import ActionStatus, ConnectionState, Outgoing, Timing, Vehicle, connection, out_of_service
 from tests.unit.fleet.gateway.master import action, node, order
 from tests.unit.fleet.vda5050.surroundings import LineWorld
@@ -64,7 +64,7 @@ def sight(**changed: Any) -> Sight:
         "driving": True,
         "charge_percent": 87.5,
         "charging": False,
-        "loads": (Load(id="box", type="parcel", weight_kg=1.5),),
+        "loads": (CarriedLoad(id="box", type="parcel", weight_kg=1.5),),
         "way": lambda: [(1.0, 2.0), (2.0, 2.0), (3.0, 2.5)],
     }
     return Sight(**usual | changed)

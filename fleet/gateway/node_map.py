@@ -1,4 +1,4 @@
-"""Floor: which lane-graph states a node stands for, and what a car can do there."""
+"""NodeMap: which lane-graph states a node stands for, and what a car can do there."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ ACTIONS = {"pick": Direction.TO_CAR, "drop": Direction.FROM_CAR}
 _AT_NODES = "valid: a place on a lane, or a nodeId such as r3_c4_east or pick_1"
 
 
-class Floor:
+class NodeMap:
     """Where nodes are on the lane graph.
 
     A node stands for the ways to stand in the cell that it lies in: with its angle the one that looks that way, at a
@@ -115,45 +115,45 @@ def node_names(site: Site, graph: LaneGraph) -> list[str]:
 
 
 class CarSurroundings:
-    """What one car knows; see `fleet.vda5050.acceptance.Surroundings`.
+    """What one car knows; see `fleet.vda5050.acceptance.VehicleSurroundings`.
 
     Args:
-        floor: The floor.
+        node_map: Where nodes are.
         car: Its number.
     """
 
-    def __init__(self, floor: Floor, car: int) -> None:
-        self._floor = floor
+    def __init__(self, node_map: NodeMap, car: int) -> None:
+        self._nodes = node_map
         self._car = car
-        self._spec: CarSpec = floor.run.scene.cars[car]
+        self._spec: CarSpec = node_map.run.scene.cars[car]
 
     @property
     def maps(self) -> frozenset[str]:
         """Maps that it has."""
-        return frozenset({self._floor.map_id})
+        return frozenset({self._nodes.map_id})
 
     def in_range(self, node: Node) -> str:
         """Why the car does not stand in a node's range of deviation; empty if it does."""
-        floor = self._floor
-        x, y, yaw = floor.poses[self._car].tolist()
+        node_map = self._nodes
+        x, y, yaw = node_map.poses[self._car].tolist()
         if node.position is not None:
-            if not floor.far(node.position, (x, y, yaw)):
+            if not node_map.far(node.position, (x, y, yaw)):
                 return ""
-        elif int(floor.granted[self._car]) in floor.states(node):
+        elif int(node_map.granted[self._car]) in node_map.states(node):
             return ""
         return f"node {shown(node.id)} is not where the car stands, at ({x:.2f}, {y:.2f}, {yaw:.2f})"
 
     def unreachable(self, nodes: Sequence[Node], *, standing: bool) -> str:
         """Why some node cannot be reached from the one before it; empty if all can."""
-        floor = self._floor
-        granted = int(floor.granted[self._car])
-        start = [granted] if standing else list(floor.states(nodes[0])) or [granted]
+        node_map = self._nodes
+        granted = int(node_map.granted[self._car])
+        start = [granted] if standing else list(node_map.states(nodes[0])) or [granted]
         before = nodes[0]
         for node in nodes[1:]:
-            if not floor.states(node):
+            if not node_map.states(node):
                 where = "has no position" if node.position is None else f"lies at {_at(node.position)}"
                 return f"node {shown(node.id)} {where}; {_AT_NODES}"
-            start = floor.reachable(start, node)
+            start = node_map.reachable(start, node)
             if not start:
                 return f"node {shown(node.id)} has no way to it from {shown(before.id)}"
             before = node
@@ -165,10 +165,10 @@ class CarSurroundings:
             return f"actionType is {shown(action.type)}; valid: {', '.join(ACTIONS)}"
         if not action.blocking.stops:
             return f"blockingType of {action.type} is {action.blocking.value}; valid: HARD, SOFT"
-        station = self._floor.station(action, node)
+        station = self._nodes.station(action, node)
         if station is None:
             kind: Literal["pick", "drop"] = "pick" if action.type == "pick" else "drop"
-            names = ", ".join(self._floor.run.site.station_names(kind))
+            names = ", ".join(self._nodes.run.site.station_names(kind))
             return f"node {shown(node.id)} is at no {kind} station; valid: {names}"
         named = action.parameters.get("stationName", station.name)
         if named != station.name:

@@ -1,4 +1,4 @@
-"""OrderBook: the order of one vehicle as its master keeps it: it grows node by node, and is sent again until known."""
+"""GrowingOrder: the order of one vehicle as its master keeps it: it grows by nodes, and is sent again until known."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Waypoint:
         }
 
 
-class OrderBook:
+class GrowingOrder:
     """One order whose base is what was granted; there is no horizon, as plans change.
 
     An update is sent when the one before it is known to the vehicle, with all nodes that have been granted since; so

@@ -2,15 +2,17 @@
 
 from typing import Any
 
+from fleet.vda5050.growing_order import RESEND_S, GrowingOrder, Waypoint
 from fleet.vda5050.order import order_of
-from fleet.vda5050.order_book import RESEND_S, OrderBook, Waypoint
 
 
 def point(number: int) -> Waypoint:
     return Waypoint(name=f"n{number}", x=float(number), y=0.0, map_id="hall")
 
 
-def told(book: OrderBook, update: int, passed: int, order_id: str = "", errors: tuple[Any, ...] = ()) -> dict[str, Any]:
+def told(
+    book: GrowingOrder, update: int, passed: int, order_id: str = "", errors: tuple[Any, ...] = ()
+) -> dict[str, Any]:
     return {
         "orderId": order_id or book.order_id,
         "orderUpdateId": update,
@@ -26,7 +28,7 @@ def ids(message: dict[str, Any] | None) -> list[tuple[str, int]]:
 
 
 def test_an_order_grows_by_what_was_released_and_begins_where_the_base_ends() -> None:
-    book = OrderBook("o", point(0))
+    book = GrowingOrder("o", point(0))
     assert book.message(0.0) is None
     book.extend(point(1))
     assert ids(book.message(0.0)) == [("n0", 0), ("n1", 2)]
@@ -42,7 +44,7 @@ def test_an_order_grows_by_what_was_released_and_begins_where_the_base_ends() ->
 
 
 def test_what_is_not_answered_is_sent_again_as_it_was() -> None:
-    book = OrderBook("o", point(0))
+    book = GrowingOrder("o", point(0))
     book.extend(point(1))
     first = book.message(0.0)
     book.extend(point(2))
@@ -55,7 +57,7 @@ def test_what_is_not_answered_is_sent_again_as_it_was() -> None:
 
 
 def test_an_old_state_takes_nothing_back() -> None:
-    book = OrderBook("o", point(0))
+    book = GrowingOrder("o", point(0))
     for number in (1, 2):
         book.extend(point(number))
     book.message(0.0)
@@ -65,7 +67,7 @@ def test_an_old_state_takes_nothing_back() -> None:
 
 
 def test_a_vehicle_that_has_forgotten_its_order_gets_a_new_one_from_where_it_passed_last() -> None:
-    book = OrderBook("o", point(0))
+    book = GrowingOrder("o", point(0))
     for number in (1, 2, 3):
         book.extend(point(number))
     book.message(0.0)
@@ -79,7 +81,7 @@ def test_a_vehicle_that_has_forgotten_its_order_gets_a_new_one_from_where_it_pas
 
 
 def test_why_an_order_was_refused_is_kept_until_one_is_taken() -> None:
-    book = OrderBook("o", point(0))
+    book = GrowingOrder("o", point(0))
     book.extend(point(1))
     book.message(0.0)
     references = [{"referenceKey": "orderId", "referenceValue": book.order_id}]
