@@ -17,6 +17,7 @@ from typing import Any
 import rclpy
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import TransformStamped
+from rclpy._rclpy_pybind11 import RCLError
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from std_srvs.srv import SetBool, Trigger
@@ -110,6 +111,9 @@ def main(arguments: list[str]) -> int:
         node.get_logger().info(str(error))
     except KeyboardInterrupt:
         pass
+    except RCLError:
+        if rclpy.ok():
+            raise  # else a signal has ended ROS while something was published
     link.close()
     rclpy.try_shutdown()
     executor.shutdown()

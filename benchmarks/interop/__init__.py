@@ -13,6 +13,7 @@ from benchmarks.interop.broken import measure_broken
 from benchmarks.interop.lif import measure_lif
 from benchmarks.interop.opentcs import measure_opentcs
 from benchmarks.interop.rmf import measure_rmf
+from benchmarks.interop.ros import measure_ros
 from benchmarks.interop.runs import measure_runs
 
 GROUPS: dict[str, Callable[[Trial], Iterable[Row]]] = {
@@ -21,6 +22,7 @@ GROUPS: dict[str, Callable[[Trial], Iterable[Row]]] = {
     "opentcs": measure_opentcs,
     "rmf": measure_rmf,
     "broken": measure_broken,
+    "ros": measure_ros,
 }
 
 BENCHMARK = grouped(
