@@ -86,7 +86,7 @@ class FleetNode(Node):
 def main(arguments: list[str]) -> int:
     """Run the node until the run ends or it is interrupted; returns the exit status."""
     parser = argparse.ArgumentParser(description="Show the robots of a run of fleet to ROS 2.")
-    parser.add_argument("address", help="HOST:PORT, as given to --bridge")
+    topics.arguments(parser)
     words, _ = parser.parse_known_args(arguments)
     try:
         link = Link(words.address)
@@ -105,6 +105,8 @@ def main(arguments: list[str]) -> int:
     # Services wait for what the run says, which comes in here.
     spinner = threading.Thread(target=spin)
     spinner.start()
+    for station in words.camera:
+        node.commands.look(station, words.every)
     try:
         topics.serve(link, node.tell, node.commands, rclpy.ok)
     except LinkError as error:
