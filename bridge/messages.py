@@ -14,8 +14,8 @@ from trajectory_msgs.msg import JointTrajectory
 
 import topics
 
-DEPTH = 50
-"""Messages that are kept for a subscriber that is busy: most of a second."""
+DEPTH = 300
+"""Messages that are kept for a subscriber that is busy: five seconds."""
 
 
 class Messages:

@@ -58,7 +58,7 @@ class FleetNode:
 def main(arguments: list[str]) -> int:
     """Run the node until the run ends or it is interrupted; returns the exit status."""
     parser = argparse.ArgumentParser(description="Show the robots of a run of fleet to ROS 1.")
-    parser.add_argument("address", help="HOST:PORT, as given to --bridge")
+    topics.arguments(parser)
     words = parser.parse_args(rospy.myargv(["ros1_node", *arguments])[1:])
     try:
         link = Link(words.address)
@@ -67,6 +67,8 @@ def main(arguments: list[str]) -> int:
         return 2
     rospy.init_node("fleet", disable_signals=True)
     node = FleetNode(link)
+    for station in words.camera:
+        node.commands.look(station, words.every)
     try:
         topics.serve(link, node.tell, node.commands, lambda: not rospy.is_shutdown())
     except LinkError as error:

@@ -17,6 +17,7 @@ from typing import Any
 import rclpy
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import TransformStamped
+from rclpy._rclpy_pybind11 import RCLError
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from std_srvs.srv import SetBool, Trigger
@@ -85,7 +86,7 @@ class FleetNode(Node):
 def main(arguments: list[str]) -> int:
     """Run the node until the run ends or it is interrupted; returns the exit status."""
     parser = argparse.ArgumentParser(description="Show the robots of a run of fleet to ROS 2.")
-    parser.add_argument("address", help="HOST:PORT, as given to --bridge")
+    topics.arguments(parser)
     words, _ = parser.parse_known_args(arguments)
     try:
         link = Link(words.address)
@@ -104,12 +105,17 @@ def main(arguments: list[str]) -> int:
     # Services wait for what the run says, which comes in here.
     spinner = threading.Thread(target=spin)
     spinner.start()
+    for station in words.camera:
+        node.commands.look(station, words.every)
     try:
         topics.serve(link, node.tell, node.commands, rclpy.ok)
     except LinkError as error:
         node.get_logger().info(str(error))
     except KeyboardInterrupt:
         pass
+    except RCLError:
+        if rclpy.ok():
+            raise  # else a signal has ended ROS while something was published
     link.close()
     rclpy.try_shutdown()
     executor.shutdown()

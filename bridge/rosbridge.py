@@ -31,6 +31,7 @@ from topics import (
     Record,
     Scan,
     Text,
+    arguments,
     serve,
     topics_of,
 )
@@ -191,6 +192,12 @@ class Rosbridge:
         self._loop = asyncio.get_running_loop()
         self.over = asyncio.Event()
 
+    def look(self, stations: list[str], every_s: float) -> None:
+        """Let pictures of stations come, which then are topics."""
+        for station in stations:
+            self._commands.look(station, every_s)
+            self._types[f"/camera_{station}/image"] = MADE[Picture][0]
+
     def keep_telling(self) -> None:
         """Hand on what the run tells, in a thread of its own."""
         with contextlib.suppress(LinkError, OSError):
@@ -323,6 +330,7 @@ async def run(words: argparse.Namespace, link: Link) -> int:
     from websockets.asyncio.server import serve as listen
 
     rosbridge = Rosbridge(link)
+    rosbridge.look(words.camera, words.every)
 
     def check(connection: Any, request: Any) -> Any:
         if may_come(request.headers.get("Origin"), words.origin):
@@ -343,14 +351,14 @@ async def run(words: argparse.Namespace, link: Link) -> int:
     return 0
 
 
-def main(arguments: list[str]) -> int:
+def main(words_given: list[str]) -> int:
     """Run the server until the run ends or it is interrupted; returns the exit status."""
     parser = argparse.ArgumentParser(description="Show the robots of a run of fleet to clients of rosbridge.")
-    parser.add_argument("address", help="HOST:PORT, as given to --bridge")
+    arguments(parser)
     parser.add_argument("--host", default="127.0.0.1", help="where to listen; default: for this machine only")
     parser.add_argument("--port", type=int, default=9090, help="0 = any that is free")
     parser.add_argument("--origin", action="append", default=[], help="pages that may connect, beside those from here")
-    words = parser.parse_args(arguments)
+    words = parser.parse_args(words_given)
     try:
         link = Link(words.address)
     except LinkError as error:

@@ -6,6 +6,7 @@ of `fleet export --mcap`.
 
 from __future__ import annotations
 
+import argparse
 import json
 import math
 import threading
@@ -207,6 +208,10 @@ class Commands:
         if rows and None not in rows:
             self._say("follow", robot=arm, times_s=list(times_s), q_rad=rows)
 
+    def look(self, station: str, every_s: float) -> None:
+        """Let pictures of a station come, one in so much simulated time [s]."""
+        self._say("look", station=station, every_s=every_s)
+
     def order(self, text: str) -> None:
         """Order something: JSON with the entries of an order, such as ``{"pick": "pick_1", "drop": "drop_1"}``."""
         try:
@@ -243,6 +248,15 @@ class Commands:
             return None
         given = dict(zip(names, position))
         return [float(given.get(joint, now)) for joint, now in zip(joints, self._q[arm])]
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """What all programs are told."""
+    parser.add_argument("address", help="HOST:PORT, as given to --bridge")
+    parser.add_argument(
+        "--camera", action="append", default=[], metavar="STATION", help="a station to have pictures of"
+    )
+    parser.add_argument("--every", type=float, default=0.5, help="simulated seconds between two pictures")
 
 
 def serve(link: Link, tell: Callable[[Record], None], commands: Commands, goes_on: Callable[[], bool]) -> None:

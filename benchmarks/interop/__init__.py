@@ -14,6 +14,7 @@ from benchmarks.interop.lif import measure_lif
 from benchmarks.interop.open_floor import measure_open_floor
 from benchmarks.interop.opentcs import measure_opentcs
 from benchmarks.interop.rmf import measure_rmf
+from benchmarks.interop.ros import measure_ros
 from benchmarks.interop.runs import measure_runs
 
 GROUPS: dict[str, Callable[[Trial], Iterable[Row]]] = {
@@ -23,6 +24,7 @@ GROUPS: dict[str, Callable[[Trial], Iterable[Row]]] = {
     "rmf": measure_rmf,
     "broken": measure_broken,
     "open_floor": measure_open_floor,
+    "ros": measure_ros,
 }
 
 BENCHMARK = grouped(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 
 from fleet.bridge.server import BridgeClient, BridgeServer, Said
 from fleet.bridge.telling import Telling, event_frame
@@ -14,6 +15,16 @@ from fleet.simulation import Simulation
 from fleet.terminal.pacing import NAP_S, Pace
 
 Header = Mapping[str, object]
+LEAST_LOOK_S = 0.05
+"""Least simulated time between two pictures of a station: one takes longer to draw than a tick does [s]."""
+
+
+@dataclass(kw_only=True)
+class _Look:
+    """A client's wish for pictures of a station."""
+
+    every_s: float
+    due_s: float
 
 
 class Bridge:
@@ -39,6 +50,7 @@ class Bridge:
         self._trust = trust
         self._telling = Telling(simulation.view, lidar=lidar)
         self._owners: dict[str, BridgeClient] = {}
+        self._looks: dict[tuple[BridgeClient, str], _Look] = {}
         self._paused = False
         self._ends = False
         server.wants_reset = False
@@ -56,6 +68,7 @@ class Bridge:
             "send": self._send,
             "aim": self._aim,
             "follow": self._follow,
+            "look": self._look,
             "order": self._order,
             "cancel": self._cancel,
             "pause": self._pause,
@@ -77,6 +90,7 @@ class Bridge:
             scan = self._telling.scan()
             if scan is not None:
                 self._server.tell(scan, again=True)
+            self._show()
         if not self._paused:
             return
         while self._paused and not (interrupted or self.is_over):
@@ -95,6 +109,7 @@ class Bridge:
             gone = server.left.pop()
             for robot in [robot for robot, owner in self._owners.items() if owner is gone]:
                 self._release(robot)
+            self._looks = {key: look for key, look in self._looks.items() if key[0] is not gone}
         if not server.clients:
             self._paused = False
 
@@ -147,6 +162,23 @@ class Bridge:
         self._own(client, robot)
         times, points = _list(header, "times_s"), _list(header, "q_rad")
         self._simulation.remote.arms.follow(self._robots[robot][1], times, points)
+
+    def _look(self, client: BridgeClient, header: Header) -> None:
+        station, names = header.get("station"), [one.name for one in self._simulation.stations]
+        if not isinstance(station, str) or station not in names:
+            raise RemoteError(f"station is {station!r}; valid: {', '.join(names)}")
+        every_s = _number(header, "every_s")
+        if not LEAST_LOOK_S <= every_s < float("inf"):
+            raise RemoteError(f"every_s is {every_s}; valid: a number from {LEAST_LOOK_S} on")
+        client.tell(self._telling.image(station), again=True)
+        self._looks[client, station] = _Look(every_s=every_s, due_s=self._simulation.sim_s + every_s)
+
+    def _show(self) -> None:
+        """Send pictures that are due."""
+        for (client, station), look in self._looks.items():
+            if self._simulation.sim_s >= look.due_s:
+                look.due_s += look.every_s
+                client.tell(self._telling.image(station), again=True)
 
     def _order(self, client: BridgeClient, header: Header) -> str:
         del client

@@ -9,8 +9,8 @@ from fleet.bridge.wire import FORMAT, encoded
 from fleet.recording.run_file import plain
 from fleet.run.events import Event
 from fleet.run.view import RunView
-from fleet.sensors.camera import CameraImage
 from fleet.sensors.lidar import Lidar, LidarRing
+from fleet.sensors.station_camera import station_camera
 
 SCAN_S = 0.1
 """Simulated time between two scans [s]."""
@@ -80,11 +80,19 @@ class Telling:
         distances *= self._ring.lidar.range_m
         return encoded({"op": "scan", "tick": run.now, "sim_s": run.sim_s}, {"distances": distances})
 
-    def image(self, name: str, image: CameraImage) -> bytes:
-        """A picture, as rows of red, green and blue bytes."""
-        height, width = image.rgb.shape[:2]
-        head = {"op": "image", "camera": name, "sim_s": self._run.sim_s, "width": width, "height": height}
-        return encoded(head, content=np.ascontiguousarray(image.rgb, dtype=np.uint8).tobytes())
+    def image(self, station: str) -> bytes:
+        """What the camera over a station sees, as rows of red, green and blue bytes.
+
+        Raises:
+            SensorError: The world has no bodies to see.
+        """
+        run = self._run
+        place = run.stations.named(station).place
+        camera = station_camera(place, place.dock.tray_xy, run.scene.car.tray_floor_z_m)
+        rgb = run.world.image(camera).rgb
+        head = {"op": "image", "camera": camera.name, "station": station, "sim_s": run.sim_s}
+        size = {"height": rgb.shape[0], "width": rgb.shape[1]}
+        return encoded(head | size, content=np.ascontiguousarray(rgb, dtype=np.uint8).tobytes())
 
 
 def event_frame(event: Event) -> bytes:

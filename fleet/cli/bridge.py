@@ -30,6 +30,8 @@ class BridgeCommand:
     """HOST:PORT of the run."""
     python: Path | None = None
     """Python that has rclpy, rospy or websockets; default: the one that runs this."""
+    camera: tuple[str, ...] = ()
+    """A station whose pictures are wanted; once for each."""
     port: int = 9090
     """Port of rosbridge."""
 
@@ -48,4 +50,5 @@ class BridgeCommand:
         words = [str(python), str(folder / SCRIPTS[self.kind]), self.to]
         if self.kind == "rosbridge":
             words += ["--port", str(self.port)]
+        words += [word for station in self.camera for word in ("--camera", station)]
         return subprocess.run(words, check=False).returncode

@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -49,8 +50,10 @@ def test_a_client_drives_a_car_and_whoever_leaves_leaves_it_to_the_fleet(tmp_pat
 
         run.wait(moved)
         run.link.close()
-        module("link").Link(f"127.0.0.1:{run.server.port}").say("speed", speed=0)
+        other = module("link").Link(f"127.0.0.1:{run.server.port}")
+        other.say("speed", speed=0)
         run.end()
+        other.close()
     kinds = [json.loads(line)["kind"] for line in (out / "run.jsonl").read_text().splitlines()]
     assert kinds.index("remote_taken") < kinds.index("remote_given_back")
     assert "rejoined" in kinds
@@ -86,6 +89,9 @@ def test_a_client_pauses_orders_and_lets_the_run_begin_again(tmp_path: Path) -> 
         ({"op": "drive", "robot": "car_0", "speed_mps": "fast", "steering_rad": 0}, "speed_mps is 'fast'"),
         ({"op": "aim", "robot": "arm_0", "q_rad": [1, 2]}, "rows of 7 finite numbers"),
         ({"op": "aim", "robot": "arm_0", "q_rad": [[1], [2, 3]]}, "rows of 7 finite numbers"),
+        ({"op": "look", "station": "pick_9", "every_s": 1}, "station is 'pick_9'; valid: pick_1, drop_1"),
+        ({"op": "look", "station": "pick_1", "every_s": 0}, "every_s is 0.0; valid: a number from 0.05 on"),
+        ({"op": "look", "station": "pick_1", "every_s": 1}, "no bodies to see"),
         ({"op": "order", "order": 7}, "order is 7; valid: an object"),
         ({"op": "order", "order": {"pick": "pick_1"}}, "drop is missing"),
         ({"op": "pause", "on": 1}, "on is 1; valid: true, false"),
@@ -117,3 +123,18 @@ def test_two_clients_do_not_have_the_same_robot(shared_run) -> None:
     answer = shared_run.ask("take", robot="car_1")
     other.close()
     assert "car_1 is in the hands of another client" in answer["error"]
+
+
+def test_a_client_sees_pictures_and_scans(tmp_path: Path) -> None:
+    physics = replace(CONFIG, fidelity=Fidelity.PHYSICS)
+    with bridged(physics, replace(session(tmp_path / "run"), lidar=True)) as run:
+        run.link.say("look", station="pick_1", every_s=0.5)
+        image = run.wait(lambda frame: frame.op == "image" and frame.header["sim_s"] > 0.4 and frame)
+        scan = run.wait(lambda frame: frame.op == "scan" and frame)
+        (record,) = module("topics").records(image, run.link.hello.header)
+        ranges = [one.ranges for one in module("topics").records(scan, run.link.hello.header)]
+    assert record.topic == "/camera_pick_1/image"
+    assert len(record.data) == 3 * record.width * record.height
+    assert len(set(record.data)) > 10
+    assert [len(one) for one in ranges] == [36, 36]
+    assert all(0.0 < distance <= 5.0 or math.isinf(distance) for one in ranges for distance in one)

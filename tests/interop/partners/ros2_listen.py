@@ -31,8 +31,8 @@ def hear(topic, stamp):
 
 
 for name, kind in topics:
-    node.create_subscription(kind, name, lambda message, name=name: hear(name, message.header.stamp), 50)
-node.create_subscription(Clock, "/clock", lambda message: hear("/clock", message.clock), 50)
+    node.create_subscription(kind, name, lambda message, name=name: hear(name, message.header.stamp), 300)
+node.create_subscription(Clock, "/clock", lambda message: hear("/clock", message.clock), 300)
 executor = SingleThreadedExecutor()
 executor.add_node(node)
 while not all(came[name] for name, _ in topics):

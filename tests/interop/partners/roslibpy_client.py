@@ -44,8 +44,8 @@ def there():
 
 aimed = wait(there)
 deliver = roslibpy.Service(ros, "/fleet/deliver", "fleet/Deliver")
-order = deliver.call(roslibpy.ServiceRequest({"pick": "pick_1", "drop": "drop_1"}), timeout=30)
-bad = deliver.call(roslibpy.ServiceRequest({"pick": "pick_9", "drop": "drop_1"}), timeout=30)
+order = dict(deliver.call(roslibpy.ServiceRequest({"pick": "pick_1", "drop": "drop_1"}), timeout=30))
+bad = dict(deliver.call(roslibpy.ServiceRequest({"pick": "pick_9", "drop": "drop_1"}), timeout=30))
 release = roslibpy.Service(ros, f"/{arm}/release", "std_srvs/Trigger").call(roslibpy.ServiceRequest(), timeout=30)
 result = {"taken": taken, "aimed": aimed, "order": order, "bad": bad, "released": release["success"]}
 print("result", json.dumps({**result, "stamps_s": seen}), flush=True)
