@@ -39,6 +39,7 @@ LONG = (
     "tests/integration/test_tiled_runs.py",
     "tests/integration/test_twin.py",
     "tests/integration/test_two_way.py",
+    "tests/integration/test_yard.py",
     "tests/unit/benchmarks",
     "tests/unit/fleet/cli/test_lorr.py",
     "tests/unit/fleet/world/test_tiled.py",

@@ -15,6 +15,7 @@ from benchmarks.interop.open_floor import measure_open_floor
 from benchmarks.interop.opentcs import measure_opentcs
 from benchmarks.interop.rmf import measure_rmf
 from benchmarks.interop.runs import measure_runs
+from benchmarks.interop.yard import measure_yard
 
 GROUPS: dict[str, Callable[[Trial], Iterable[Row]]] = {
     "runs": measure_runs,
@@ -23,6 +24,7 @@ GROUPS: dict[str, Callable[[Trial], Iterable[Row]]] = {
     "rmf": measure_rmf,
     "broken": measure_broken,
     "open_floor": measure_open_floor,
+    "yard": measure_yard,
 }
 
 BENCHMARK = grouped(
