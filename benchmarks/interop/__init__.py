@@ -16,6 +16,7 @@ from benchmarks.interop.opentcs import measure_opentcs
 from benchmarks.interop.rmf import measure_rmf
 from benchmarks.interop.ros import measure_ros
 from benchmarks.interop.runs import measure_runs
+from benchmarks.interop.yard import measure_yard
 
 GROUPS: dict[str, Callable[[Trial], Iterable[Row]]] = {
     "runs": measure_runs,
@@ -25,6 +26,7 @@ GROUPS: dict[str, Callable[[Trial], Iterable[Row]]] = {
     "broken": measure_broken,
     "open_floor": measure_open_floor,
     "ros": measure_ros,
+    "yard": measure_yard,
 }
 
 BENCHMARK = grouped(

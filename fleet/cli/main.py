@@ -195,6 +195,10 @@ YARD_COMMANDS = {
         "yard.plan.YardPlan",
         "Plan the ways of cars on a floor without lanes, from an instance of CL-CBS to a schedule.",
     ),
+    "demo": Command(
+        "yard.demo.YardDemo",
+        "Let racecars deliver between spots of a yard, over a floor without lanes; prints a table.",
+    ),
 }
 GROUPS = {
     "site": ("Check, list, generate, convert, export or import sites.", SITE_COMMANDS),
@@ -202,7 +206,7 @@ GROUPS = {
         "Sort a table: a Kuka, a Panda with a tray, two Kukas; or let two share a tray.",
         TABLETOP_COMMANDS,
     ),
-    "yard": ("Cars on a floor without lanes: plan their ways.", YARD_COMMANDS),
+    "yard": ("Cars on a floor without lanes: plan their ways, or let them deliver.", YARD_COMMANDS),
     "robots": ("List robots, show one by itself, or fit its kinematic model to its physics.", ROBOT_COMMANDS),
 }
 """Words that have commands of their own."""

@@ -9,13 +9,22 @@ import numpy as np
 
 from planners.errors import PlanningError
 from planners.open_floor.arrays import FloatArray, IntArray
-from planners.open_floor.body import Body
-from planners.open_floor.floor import distances_to, floor_of
+from planners.open_floor.kernels.body import CarBody
+from planners.open_floor.kernels.floor import distances_to, floor_of
+from planners.open_floor.kernels.reeds_shepp import MOST_SEGMENTS, length_table
+from planners.open_floor.kernels.search import (
+    NO_NODE,
+    SearchMemory,
+    SearchQuery,
+    memory_for,
+    rules_of,
+    sample,
+    search,
+    trace,
+)
+from planners.open_floor.kernels.standing import KeptMargins, are_free
+from planners.open_floor.kernels.timetable import cars_in_the_way, empty_timetable, enter, last_touch, leave, longer
 from planners.open_floor.problem import OpenFloorProblem
-from planners.open_floor.reeds_shepp import MOST_SEGMENTS, length_table
-from planners.open_floor.search import NO_NODE, Memory, Query, memory_for, rules_of, sample, search, trace
-from planners.open_floor.standing import Margins, are_free
-from planners.open_floor.timetable import cars_in_the_way, empty_timetable, enter, last_touch, leave, longer
 
 _FIRST_STEPS = 128
 """Steps that a timetable has room for at first; it grows when a way is longer."""
@@ -79,7 +88,7 @@ class CarSearch:
         config: Settings.
     """
 
-    def __init__(self, problem: OpenFloorProblem, body: Body, margins: Margins, config: OpenFloorConfig) -> None:
+    def __init__(self, problem: OpenFloorProblem, body: CarBody, margins: KeptMargins, config: OpenFloorConfig) -> None:
         car, self._config, self._body = problem.car, config, body
         step_m = config.step_radii * car.turning_radius_m
         self.step_s = step_m / config.speed_mps
@@ -102,7 +111,7 @@ class CarSearch:
         self._table = empty_timetable(
             problem.n_cars, _FIRST_STEPS, problem.size_m, body, step_m, margins.to_cars, config.checks
         )
-        self._memory: Memory | None = None
+        self._memory: SearchMemory | None = None
         self._distances: dict[tuple[float, float], FloatArray] = {}
         self._near, self._hit = np.empty((2, max(problem.n_cars, 1)), dtype=np.int64)
         self.looked = 0
@@ -131,7 +140,7 @@ class CarSearch:
         visit = np.full(len(table.n_samples), -1, dtype=np.int64)
         for other in np.flatnonzero(table.n_samples).tolist():
             visit[other] = last_touch(table, other, goal[0], goal[1], cos, sin, self._body, self._rules.margin)
-        query = Query(
+        query = SearchQuery(
             start=start,
             goal=goal,
             distance=self._to(goal),
@@ -195,8 +204,8 @@ class CarSearch:
             self._distances[place] = distances_to(goal, self._floor)
         return self._distances[place]
 
-    def _room(self, most: int) -> Memory:
-        """Memory for a search of so many poses."""
+    def _room(self, most: int) -> SearchMemory:
+        """SearchMemory for a search of so many poses."""
         if self._memory is None or len(self._memory.end) < most:
             self._memory = memory_for(most, len(self._near), self._fine)
         return self._memory

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from planners.open_floor.arrays import FloatArray
-from planners.open_floor.problem import BENCHMARK_CAR, CarShape, OpenFloorError, OpenFloorProblem
+from planners.open_floor.problem import BENCHMARK_CAR, CarOutline, OpenFloorError, OpenFloorProblem
 
 _EDGE_M = (3.0, 5.0)
 """Kept free along the sides through (0, 0), and along the others [m]."""
@@ -14,7 +14,7 @@ _TRIES = 10_000
 
 
 def generate_open_floor(
-    size_m: float, n_cars: int, n_discs: int, *, seed: int, car: CarShape = BENCHMARK_CAR
+    size_m: float, n_cars: int, n_discs: int, *, seed: int, car: CarOutline = BENCHMARK_CAR
 ) -> OpenFloorProblem:
     """Scatter obstacles, starts and goals, of any heading, over a square floor.
 

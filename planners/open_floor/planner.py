@@ -14,11 +14,11 @@ import numpy as np
 
 from planners.deadline import Deadline
 from planners.open_floor.arrays import FloatArray
-from planners.open_floor.body import body_of
 from planners.open_floor.car_search import CarSearch, OpenFloorConfig
+from planners.open_floor.kernels.body import body_of
+from planners.open_floor.kernels.standing import KeptMargins, margins_kept
 from planners.open_floor.plan import CarWay, OpenFloorPlan
 from planners.open_floor.problem import OpenFloorProblem
-from planners.open_floor.standing import Margins, margins_kept
 from planners.status import Status
 
 _FIRST_POSES = 4096
@@ -59,7 +59,9 @@ class OpenFloorPlanner:
             search = CarSearch(problem, body, margins, replace(config, checks=finer * config.checks))
             legs, status, given_up = self._negotiate(problem, search, deadline)
             iterations, repairs = iterations + search.looked, repairs + given_up
-            check = CarSearch(problem, body, Margins(0.0, 0.0), replace(config, checks=_FINER * finer * config.checks))
+            check = CarSearch(
+                problem, body, KeptMargins(0.0, 0.0), replace(config, checks=_FINER * finer * config.checks)
+            )
             if status is not Status.FEASIBLE or all(
                 check.is_clear(car, problem.starts[car], way) for car, way in enumerate(legs) if way is not None
             ):

@@ -15,7 +15,7 @@ class OpenFloorError(PlanningError):
 
 
 @dataclass(frozen=True, kw_only=True)
-class CarShape:
+class CarOutline:
     """A rectangle that drives like a car; its pose is that of the middle of the rear axle.
 
     Raises:
@@ -36,7 +36,7 @@ class CarShape:
                 raise OpenFloorError(f"car shape: {name} = {value}; valid: a length > 0")
 
 
-BENCHMARK_CAR = CarShape(front_m=2.0, rear_m=1.0, half_width_m=1.0, turning_radius_m=3.0)
+BENCHMARK_CAR = CarOutline(front_m=2.0, rear_m=1.0, half_width_m=1.0, turning_radius_m=3.0)
 """Of the published instances: L. Wen et al., "CL-MAPF: Multi-Agent Path Finding for Car-Like Robots with Kinematic and
 Spatiotemporal Constraints", 2022, https://github.com/APRIL-ZJU/CL-CBS."""
 
@@ -51,7 +51,7 @@ class OpenFloorProblem:
 
     size_m: tuple[float, float]
     """The floor reaches from (0, 0) to this x and y [m]."""
-    car: CarShape
+    car: CarOutline
     starts: FloatArray
     """Poses x, y [m], yaw [rad], counter-clockwise, shape (n, 3)."""
     goals: FloatArray

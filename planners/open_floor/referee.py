@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from planners.open_floor.arrays import BoolArray, FloatArray
 from planners.open_floor.plan import CarWay, OpenFloorPlan
-from planners.open_floor.problem import CarShape, OpenFloorProblem
+from planners.open_floor.problem import CarOutline, OpenFloorProblem
 
 _DEPTH_M = 1e-6
 """Bodies that reach no deeper into each other only touch [m]."""
@@ -103,7 +103,7 @@ def illegal_poses(problem: OpenFloorProblem) -> list[str]:
     return texts
 
 
-def corners_of(car: CarShape, poses: FloatArray) -> FloatArray:
+def corners_of(car: CarOutline, poses: FloatArray) -> FloatArray:
     """Corners of a car, counter-clockwise from the front left one.
 
     Args:

@@ -9,7 +9,7 @@ from planners.deadline import Deadline
 from planners.errors import PlanningError
 from planners.open_floor import (
     BENCHMARK_CAR,
-    CarShape,
+    CarOutline,
     OpenFloorConfig,
     OpenFloorError,
     OpenFloorPlan,
@@ -70,7 +70,7 @@ def test_a_crowd_arrives_and_the_same_problem_has_the_same_plan(seed: int) -> No
 
 
 def test_cars_of_another_size_stay_within_walls() -> None:
-    car = CarShape(front_m=0.41, rear_m=0.09, half_width_m=0.14, turning_radius_m=0.5)
+    car = CarOutline(front_m=0.41, rear_m=0.09, half_width_m=0.14, turning_radius_m=0.5)
     problem = problem_of(
         [[0.3, 0.3, 0], [3.5, 2.6, np.pi]], [[3.5, 2.6, 0], [0.5, 2.6, 0]], size_m=(4.0, 3.0), car=car, walled=True
     )

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from ompl import base as ob
 
-from planners.open_floor.reeds_shepp import (
+from planners.open_floor.kernels.reeds_shepp import (
     MOST_SEGMENTS,
     TABLE_RADII,
     length_table,

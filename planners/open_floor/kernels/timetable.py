@@ -9,15 +9,15 @@ import numpy as np
 import numpy.typing as npt
 
 from planners.open_floor.arrays import FloatArray, IntArray
-from planners.open_floor.body import Body, bodies_touch
-from planners.open_floor.kernel import kernel
+from planners.open_floor.kernels.body import CarBody, bodies_touch
+from planners.open_floor.kernels.kernel import kernel
 
 NOBODY = -1
 NEVER, FOR_GOOD = -1, 1 << 40
 """Times at which nobody is somewhere, and after which somebody is there for good."""
 
 
-class Timetable(NamedTuple):
+class WayTable(NamedTuple):
     """Samples of all ways at equal times, and for each step a hash of the places where cars are in its middle."""
 
     pose: FloatArray
@@ -46,8 +46,8 @@ class Timetable(NamedTuple):
 
 
 def empty_timetable(
-    n_cars: int, n_steps: int, size_m: tuple[float, float], body: Body, step_m: float, margin_m: float, checks: int
-) -> Timetable:
+    n_cars: int, n_steps: int, size_m: tuple[float, float], body: CarBody, step_m: float, margin_m: float, checks: int
+) -> WayTable:
     """A timetable of cars that have no way yet.
 
     Args:
@@ -63,7 +63,7 @@ def empty_timetable(
     reach = 2.0 * (body.reach + margin_m) + 1.5 * step_m
     side = reach
     n_across, n_up = (max(1, math.ceil(length / side)) for length in size_m)
-    return Timetable(
+    return WayTable(
         pose=np.zeros((n_cars, n_steps * checks + 1, 4)),
         n_samples=np.zeros(n_cars, dtype=np.int64),
         first=np.full((n_steps, n_across * n_up), NOBODY, dtype=np.int32),
@@ -77,7 +77,7 @@ def empty_timetable(
     )
 
 
-def longer(table: Timetable, n_steps: int) -> Timetable:
+def longer(table: WayTable, n_steps: int) -> WayTable:
     """The same timetable with room for more steps."""
     more = n_steps - table.n_steps
     n_cars = len(table.n_samples)
@@ -94,7 +94,7 @@ def longer(table: Timetable, n_steps: int) -> Timetable:
 
 
 @kernel
-def enter(table: Timetable, car: int, n_samples: int) -> None:
+def enter(table: WayTable, car: int, n_samples: int) -> None:
     """Let a car have the way whose samples stand in `pose`."""
     table.n_samples[car] = n_samples
     for step in range(table.first.shape[0]):
@@ -106,7 +106,7 @@ def enter(table: Timetable, car: int, n_samples: int) -> None:
 
 
 @kernel
-def leave(table: Timetable, car: int) -> None:
+def leave(table: WayTable, car: int) -> None:
     """Take a car's way out."""
     table.n_samples[car] = 0
     for step in range(table.first.shape[0]):
@@ -121,7 +121,7 @@ def leave(table: Timetable, car: int) -> None:
 
 
 @kernel
-def cars_near(table: Timetable, x: float, y: float, step: int, radius: float, found: IntArray) -> int:
+def cars_near(table: WayTable, x: float, y: float, step: int, radius: float, found: IntArray) -> int:
     """Fill in the cars whose axles are within a radius of a place in the middle of a step; returns how many."""
     step = min(step, table.first.shape[0] - 1)
     n = 0
@@ -141,7 +141,7 @@ def cars_near(table: Timetable, x: float, y: float, step: int, radius: float, fo
 
 @kernel
 def touches(
-    table: Timetable, car: int, sample: int, x: float, y: float, cos: float, sin: float, body: Body, margin: float
+    table: WayTable, car: int, sample: int, x: float, y: float, cos: float, sin: float, body: CarBody, margin: float
 ) -> bool:
     """Whether a pose is nearer than the margin to a car at a sample."""
     pose = table.pose
@@ -153,7 +153,7 @@ def touches(
 
 @kernel
 def last_touch(
-    table: Timetable, car: int, x: float, y: float, cos: float, sin: float, body: Body, margin: float
+    table: WayTable, car: int, x: float, y: float, cos: float, sin: float, body: CarBody, margin: float
 ) -> int:
     """Last sample at which a car is nearer than the margin to a pose; `NEVER`, or `FOR_GOOD` if it stays there."""
     end = table.n_samples[car] - 1
@@ -166,7 +166,7 @@ def last_touch(
 
 
 @kernel
-def cars_in_the_way(table: Timetable, car: int, body: Body, margin: float, near: IntArray, hit: IntArray) -> int:
+def cars_in_the_way(table: WayTable, car: int, body: CarBody, margin: float, near: IntArray, hit: IntArray) -> int:
     """Fill in the other cars that come nearer than the margin to a car on its way or at its end; returns how many."""
     n = 0
     last = 0
@@ -187,7 +187,7 @@ def cars_in_the_way(table: Timetable, car: int, body: Body, margin: float, near:
 
 
 @kernel
-def _meet_in(table: Timetable, car: int, other: int, step: int, body: Body, margin: float) -> bool:
+def _meet_in(table: WayTable, car: int, other: int, step: int, body: CarBody, margin: float) -> bool:
     """Whether two cars come nearer than the margin in a step."""
     pose = table.pose
     for k in range(step * table.checks, (step + 1) * table.checks + 1):
@@ -199,15 +199,15 @@ def _meet_in(table: Timetable, car: int, other: int, step: int, body: Body, marg
 
 
 @kernel
-def _bucket(table: Timetable, x: float, y: float) -> int:
+def _bucket(table: WayTable, x: float, y: float) -> int:
     return _column(table, x) * table.n_up + _row(table, y)
 
 
 @kernel
-def _column(table: Timetable, x: float) -> int:
+def _column(table: WayTable, x: float) -> int:
     return min(max(int(x / table.side), 0), table.n_across - 1)
 
 
 @kernel
-def _row(table: Timetable, y: float) -> int:
+def _row(table: WayTable, y: float) -> int:
     return min(max(int(y / table.side), 0), table.n_up - 1)

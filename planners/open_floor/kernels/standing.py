@@ -6,22 +6,22 @@ import math
 from typing import NamedTuple
 
 from planners.open_floor.arrays import FloatArray
-from planners.open_floor.body import Body, bodies_touch
-from planners.open_floor.floor import Floor, floor_of, is_free
-from planners.open_floor.kernel import kernel
+from planners.open_floor.kernels.body import CarBody, bodies_touch
+from planners.open_floor.kernels.floor import StaticFloor, floor_of, is_free
+from planners.open_floor.kernels.kernel import kernel
 from planners.open_floor.problem import OpenFloorProblem
 
 _HALVINGS = 6
 
 
-class Margins(NamedTuple):
+class KeptMargins(NamedTuple):
     """What is kept free around cars [m]."""
 
     to_cars: float
     to_obstacles: float
 
 
-def margins_kept(problem: OpenFloorProblem, body: Body, wanted_m: float) -> Margins | None:
+def margins_kept(problem: OpenFloorProblem, body: CarBody, wanted_m: float) -> KeptMargins | None:
     """The margins that starts and goals leave room for: the wanted one, or that halved until it fits, or 0.
 
     Args:
@@ -37,11 +37,11 @@ def margins_kept(problem: OpenFloorProblem, body: Body, wanted_m: float) -> Marg
     to_cars = next((margin for margin in tried if all(_are_apart(poses, body, margin) for poses in ends)), None)
     floors = ((margin, floor_of(problem, body, margin)) for margin in tried)
     to_obstacles = next((margin for margin, floor in floors if all(are_free(p, floor, body) for p in ends)), None)
-    return None if to_cars is None or to_obstacles is None else Margins(to_cars, to_obstacles)
+    return None if to_cars is None or to_obstacles is None else KeptMargins(to_cars, to_obstacles)
 
 
 @kernel
-def are_free(poses: FloatArray, floor: Floor, body: Body) -> bool:
+def are_free(poses: FloatArray, floor: StaticFloor, body: CarBody) -> bool:
     """Whether cars at some poses (n, 3) stand on the floor and clear of obstacles."""
     for k in range(len(poses)):
         if not is_free(poses[k, 0], poses[k, 1], math.cos(poses[k, 2]), math.sin(poses[k, 2]), floor, body):
@@ -50,7 +50,7 @@ def are_free(poses: FloatArray, floor: Floor, body: Body) -> bool:
 
 
 @kernel
-def _are_apart(poses: FloatArray, body: Body, margin: float) -> bool:
+def _are_apart(poses: FloatArray, body: CarBody, margin: float) -> bool:
     """Whether of cars at some poses (n, 3) no two are nearer than the margin."""
     for a in range(len(poses)):
         cos, sin = math.cos(poses[a, 2]), math.sin(poses[a, 2])

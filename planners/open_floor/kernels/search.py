@@ -20,11 +20,11 @@ import numpy as np
 import numpy.typing as npt
 
 from planners.open_floor.arrays import FloatArray, IntArray
-from planners.open_floor.body import Body
-from planners.open_floor.floor import Floor, cell_of, is_free
-from planners.open_floor.kernel import kernel
-from planners.open_floor.reeds_shepp import MOST_SEGMENTS, TABLE_RADII, shortest_way, tabulated_length, wrapped
-from planners.open_floor.timetable import NEVER, Timetable, cars_near, touches
+from planners.open_floor.kernels.body import CarBody
+from planners.open_floor.kernels.floor import StaticFloor, cell_of, is_free
+from planners.open_floor.kernels.kernel import kernel
+from planners.open_floor.kernels.reeds_shepp import MOST_SEGMENTS, TABLE_RADII, shortest_way, tabulated_length, wrapped
+from planners.open_floor.kernels.timetable import NEVER, WayTable, cars_near, touches
 
 NO_NODE = -1
 _STAND = 0
@@ -40,7 +40,7 @@ _DETOUR, _DETOUR_RADII = 2.2, 5.0
 """Ends longer than this many times the distance, and so many turning radii, are not tried."""
 
 
-class Rules(NamedTuple):
+class MoveRules(NamedTuple):
     """What moves are and what they cost; costs are in steps, and every move takes one."""
 
     radius: float
@@ -65,7 +65,7 @@ class Rules(NamedTuple):
     4)."""
 
 
-class Memory(NamedTuple):
+class SearchMemory(NamedTuple):
     """What a search writes into; made once, as long as the longest search needs it."""
 
     pose: FloatArray
@@ -87,7 +87,7 @@ class Memory(NamedTuple):
     segments: FloatArray
 
 
-class Query(NamedTuple):
+class SearchQuery(NamedTuple):
     """What one search is about."""
 
     start: FloatArray
@@ -117,7 +117,7 @@ def rules_of(
     backwards_cost: float,
     cusp_cost: float,
     fine: bool,
-) -> Rules:
+) -> MoveRules:
     """Tabulate the moves of a car.
 
     Args:
@@ -138,7 +138,7 @@ def rules_of(
     half = 0.5 * done * curvature[:, None]
     chord = done * np.sinc(half / np.pi)  # of an arc; sinc is sin(pi x) / (pi x)
     finer = _FINE if fine else 1
-    return Rules(
+    return MoveRules(
         radius=radius_m,
         step=step_m,
         cell=radius_m / 3.0 / finer,
@@ -155,10 +155,10 @@ def rules_of(
     )
 
 
-def memory_for(most: int, n_cars: int, rules: Rules) -> Memory:
+def memory_for(most: int, n_cars: int, rules: MoveRules) -> SearchMemory:
     """Memory of searches that look at no more than so many poses."""
     n_nodes = most * (len(rules.length) + 1) + 1
-    return Memory(
+    return SearchMemory(
         pose=np.empty((n_nodes, 3)),
         cost=np.empty((n_nodes, 2)),
         link=np.empty((n_nodes, 4), dtype=np.int64),
@@ -174,7 +174,7 @@ def memory_for(most: int, n_cars: int, rules: Rules) -> Memory:
 
 @kernel
 def search(
-    query: Query, floor: Floor, table: Timetable, body: Body, rules: Rules, memory: Memory
+    query: SearchQuery, floor: StaticFloor, table: WayTable, body: CarBody, rules: MoveRules, memory: SearchMemory
 ) -> tuple[int, int, bool]:
     """Look for the way of a car that costs least.
 
@@ -231,7 +231,7 @@ def search(
 
 
 @kernel
-def trace(node: int, rules: Rules, memory: Memory, legs: FloatArray) -> int:
+def trace(node: int, rules: MoveRules, memory: SearchMemory, legs: FloatArray) -> int:
     """Write the way to an end that was found.
 
     Args:
@@ -303,9 +303,16 @@ def _arc(x: float, y: float, yaw: float, length: float, curvature: float) -> tup
 
 @kernel
 def _move_cost(
-    query: Query, node: int, move: int, n_near: int, floor: Floor, table: Timetable, body: Body, rules: Rules,
-    memory: Memory,
-) -> float:  # fmt: skip
+    query: SearchQuery,
+    node: int,
+    move: int,
+    n_near: int,
+    floor: StaticFloor,
+    table: WayTable,
+    body: CarBody,
+    rules: MoveRules,
+    memory: SearchMemory,
+) -> float:
     """Cost of a move [steps], infinite if it cannot be made; its poses are left in `swept`."""
     x, y, yaw = memory.pose[node, 0], memory.pose[node, 1], memory.pose[node, 2]
     cos, sin, swept = math.cos(yaw), math.sin(yaw), memory.swept
@@ -343,9 +350,16 @@ def _move_cost(
 
 @kernel
 def _end_cost(
-    query: Query, node: int, row: int, distance: float, floor: Floor, table: Timetable, body: Body, rules: Rules,
-    memory: Memory,
-) -> float:  # fmt: skip
+    query: SearchQuery,
+    node: int,
+    row: int,
+    distance: float,
+    floor: StaticFloor,
+    table: WayTable,
+    body: CarBody,
+    rules: MoveRules,
+    memory: SearchMemory,
+) -> float:
     """Cost of going straight to the goal from a node [steps], infinite if that is not possible.
 
     The segments are left in a row of `end`.
@@ -392,9 +406,18 @@ def _end_cost(
 
 @kernel
 def _swept_cost(
-    query: Query, x: float, y: float, yaw: float, step: int, n: int, floor: Floor, table: Timetable, body: Body,
-    rules: Rules, memory: Memory,
-) -> float:  # fmt: skip
+    query: SearchQuery,
+    x: float,
+    y: float,
+    yaw: float,
+    step: int,
+    n: int,
+    floor: StaticFloor,
+    table: WayTable,
+    body: CarBody,
+    rules: MoveRules,
+    memory: SearchMemory,
+) -> float:
     """What others cost on the segments of an end [steps], infinite if obstacles or walls are in the way."""
     cost: float = 0.0
     k, begin, n_near = 1, 0.0, 0
@@ -429,7 +452,7 @@ def _swept_cost(
 
 
 @kernel
-def _left(query: Query, x: float, y: float, yaw: float, floor: Floor, rules: Rules) -> float:
+def _left(query: SearchQuery, x: float, y: float, yaw: float, floor: StaticFloor, rules: MoveRules) -> float:
     """What is expected to be left to the goal [steps]."""
     dx, dy = query.goal[0] - x, query.goal[1] - y
     distance = math.hypot(dx, dy)
@@ -445,7 +468,7 @@ def _left(query: Query, x: float, y: float, yaw: float, floor: Floor, rules: Rul
 
 
 @kernel
-def _key(x: float, y: float, yaw: float, step: int, floor: Floor, rules: Rules) -> int:
+def _key(x: float, y: float, yaw: float, step: int, floor: StaticFloor, rules: MoveRules) -> int:
     """One number for poses that count as one."""
     across, up = int(x / rules.cell), int(y / rules.cell)
     heading = int(yaw % (2.0 * math.pi) / (2.0 * math.pi) * rules.headings + 0.5) % rules.headings

@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from planners.open_floor.arrays import BoolArray, FloatArray, IntArray
-from planners.open_floor.body import Body, body_meets_disc
-from planners.open_floor.kernel import kernel
+from planners.open_floor.kernels.body import CarBody, body_meets_disc
+from planners.open_floor.kernels.kernel import kernel
 from planners.open_floor.problem import OpenFloorProblem
 
 UNREACHED = math.inf
@@ -18,7 +18,7 @@ UNREACHED = math.inf
 _CELLS_PER_RADIUS = 3.0
 
 
-class Floor(NamedTuple):
+class StaticFloor(NamedTuple):
     """What does not move; a cell has a third of the turning radius as its side."""
 
     width: float
@@ -38,7 +38,7 @@ class Floor(NamedTuple):
     """Margin to the walls, if there are any."""
 
 
-def floor_of(problem: OpenFloorProblem, body: Body, margin_m: float) -> Floor:
+def floor_of(problem: OpenFloorProblem, body: CarBody, margin_m: float) -> StaticFloor:
     """Prepare the floor of a problem.
 
     Args:
@@ -54,7 +54,7 @@ def floor_of(problem: OpenFloorProblem, body: Body, margin_m: float) -> Floor:
     distance = np.linalg.norm(middle[:, None] - disc[None, :, :2], axis=2) if len(disc) else np.empty((len(middle), 0))
     touchable = distance < disc[:, 2] + abs(body.centre) + body.reach + cell
     cells, near = np.nonzero(touchable)
-    return Floor(
+    return StaticFloor(
         width=float(problem.size_m[0]),
         height=float(problem.size_m[1]),
         cell=cell,
@@ -72,7 +72,7 @@ def floor_of(problem: OpenFloorProblem, body: Body, margin_m: float) -> Floor:
 
 
 @kernel
-def cell_of(x: float, y: float, floor: Floor) -> tuple[int, int]:
+def cell_of(x: float, y: float, floor: StaticFloor) -> tuple[int, int]:
     """The cell of a place on the floor, or the nearest."""
     across = min(max(int(x / floor.cell), 0), floor.n_across - 1)
     up = min(max(int(y / floor.cell), 0), floor.n_up - 1)
@@ -80,7 +80,7 @@ def cell_of(x: float, y: float, floor: Floor) -> tuple[int, int]:
 
 
 @kernel
-def is_free(x: float, y: float, cos: float, sin: float, floor: Floor, body: Body) -> bool:
+def is_free(x: float, y: float, cos: float, sin: float, floor: StaticFloor, body: CarBody) -> bool:
     """Whether a car stands on the floor and clear of obstacles."""
     if x < 0.0 or y < 0.0 or x > floor.width or y > floor.height:
         return False
@@ -101,7 +101,7 @@ def is_free(x: float, y: float, cos: float, sin: float, floor: Floor, body: Body
     return True
 
 
-def distances_to(goal: FloatArray, floor: Floor) -> FloatArray:
+def distances_to(goal: FloatArray, floor: StaticFloor) -> FloatArray:
     """Length of the shortest way of a point to a goal around the obstacles, from cell to its eight neighbours.
 
     Args:
@@ -119,7 +119,7 @@ def distances_to(goal: FloatArray, floor: Floor) -> FloatArray:
 
 @kernel
 def _spread(
-    x: float, y: float, floor: Floor, distance: FloatArray, queue: npt.NDArray[np.int32], queued: BoolArray
+    x: float, y: float, floor: StaticFloor, distance: FloatArray, queue: npt.NDArray[np.int32], queued: BoolArray
 ) -> None:
     """Correct distances from a goal outwards until none changes."""
     across, up = cell_of(x, y, floor)

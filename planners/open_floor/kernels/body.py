@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from planners.open_floor.kernel import kernel
-from planners.open_floor.problem import CarShape
+from planners.open_floor.kernels.kernel import kernel
+from planners.open_floor.problem import CarOutline
 
 
-class Body(NamedTuple):
+class CarBody(NamedTuple):
     """A car as kernels take it [m]."""
 
     centre: float
@@ -20,10 +20,10 @@ class Body(NamedTuple):
     """Of a corner from the centre of the rectangle."""
 
 
-def body_of(car: CarShape) -> Body:
+def body_of(car: CarOutline) -> CarBody:
     """The rectangle of a car."""
     half_length = 0.5 * (car.front_m + car.rear_m)
-    return Body(
+    return CarBody(
         centre=0.5 * (car.front_m - car.rear_m),
         half_length=half_length,
         half_width=car.half_width_m,
@@ -34,7 +34,7 @@ def body_of(car: CarShape) -> Body:
 @kernel
 def bodies_touch(
     x1: float, y1: float, cos1: float, sin1: float, x2: float, y2: float, cos2: float, sin2: float,
-    body: Body, margin: float,
+    body: CarBody, margin: float,
 ) -> bool:  # fmt: skip
     """Whether two cars come nearer than a margin, by the separating axes of their rectangles.
 
@@ -58,7 +58,7 @@ def bodies_touch(
 
 @kernel
 def body_meets_disc(
-    x: float, y: float, cos: float, sin: float, disc_x: float, disc_y: float, radius: float, body: Body
+    x: float, y: float, cos: float, sin: float, disc_x: float, disc_y: float, radius: float, body: CarBody
 ) -> bool:
     """Whether a car touches a disc."""
     dx, dy = disc_x - x - body.centre * cos, disc_y - y - body.centre * sin

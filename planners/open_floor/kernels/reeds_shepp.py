@@ -16,7 +16,7 @@ import math
 import numpy as np
 
 from planners.open_floor.arrays import FloatArray
-from planners.open_floor.kernel import kernel
+from planners.open_floor.kernels.kernel import kernel
 
 MOST_SEGMENTS = 5
 """Arcs and lines of a word."""

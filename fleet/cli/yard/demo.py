@@ -1,0 +1,103 @@
+"""The yard demo command: racecars deliver over a floor without lanes."""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+from rich.console import Console
+from rich.table import Table
+
+from fleet.config import require
+from fleet.config.settings import positive
+from fleet.terminal.progress_bar import Bar
+
+if TYPE_CHECKING:
+    from fleet.world.protocol import World
+    from fleet.world.scene import Scene
+    from fleet.yard.run import YardResult
+
+DONE, TOUCHED = 0, 1
+
+
+@dataclass(frozen=True, kw_only=True)
+class YardDemo:
+    """Let racecars deliver between spots of a yard, over a floor without lanes; prints a table."""
+
+    yard: str = "depot"
+    """A yard that ships, or a file."""
+    cars: int = 20
+    """Number of cars, fewer than the yard has spots."""
+    duration: float = 120.0
+    """Simulated time [s]."""
+    fidelity: Literal["physics", "kinematic"] = "physics"
+    """`physics`: cars drive on their wheels in PyBullet; `kinematic`: as bicycles, which pass through each other."""
+    seed: int = 0
+    """Seed of where cars stand at first and of the spots they choose."""
+    json: Path | None = None
+    """File for the result (JSON)."""
+
+    def run(self) -> int:
+        """Run and print; returns the exit status."""
+        positive("--duration", self.duration)
+        require(self.seed >= 0, "--seed", self.seed, "an integer >= 0")
+        require(self.json is None or self.json.parent.is_dir(), "--json", str(self.json), "a file in a folder there is")
+        from fleet.world.kinematic import KinematicWorld
+        from fleet.yard.run import YardRun
+        from maps.yard import load_yard
+
+        yard = load_yard(self.yard)
+        run = YardRun(yard, self.cars, self._world, seed=self.seed, clock=time.process_time)
+        n_ticks = max(1, round(self.duration / run.world.tick_s))
+        try:
+            YardRun(yard, 1, KinematicWorld).tick_until_planned()  # loads the kernels
+            with Bar(n_ticks, "ticks", shown=True) as bar:
+                for tick in range(n_ticks):
+                    run.tick()
+                    if bar.due():
+                        done = f"{run.result().deliveries} deliveries"
+                        bar.show(tick + 1, done, f"{run.time_s:.0f} of {self.duration:g} s, {done}")
+            result = run.result()
+        finally:
+            run.world.close()
+        console = Console(file=sys.stdout, markup=False, emoji=False, highlight=False)
+        console.print(_table(result))
+        if self.json is not None:
+            self.json.write_text(json.dumps(asdict(result), indent=2) + "\n", encoding="utf-8")
+        return TOUCHED if result.contacts else DONE
+
+    def _world(self, scene: Scene) -> World:
+        if self.fidelity == "kinematic":
+            from fleet.world.kinematic import KinematicWorld
+
+            return KinematicWorld(scene)
+        # The engine takes a moment to load and is needed by this world alone.
+        from fleet.world.bullet.world import BulletWorld
+
+        return BulletWorld(scene)
+
+
+def _table(result: YardResult) -> Table:
+    """The figures of a run."""
+    rows = {
+        "simulated": f"{result.duration_s:g} s",
+        "deliveries": f"{result.deliveries}",
+        "contacts": f"{result.contacts}",
+        "least clearance": f"{result.min_clearance_m:.3f} m",
+        "longest that a car stood": f"{result.longest_still_s:.1f} s",
+        "furthest beside its way": f"{result.most_beside_m:.3f} m",
+        "plans": f"{result.plans}, {result.refused} without a way",
+    }
+    if result.plan_s:
+        ordered = sorted(result.plan_s)
+        rows["computing time of a plan"] = f"{ordered[len(ordered) // 2]:.3f} s, at most {ordered[-1]:.3f} s"
+    table = Table(show_header=False)
+    table.add_column("figure")
+    table.add_column("value", justify="right")
+    for name, value in rows.items():
+        table.add_row(name, value)
+    return table

@@ -1,0 +1,1 @@
+"""Yard: racecars that deliver over a floor without lanes."""
