@@ -13,6 +13,7 @@ BENCHMARKS: tuple[str, ...] = (
     "mapf",
     "mapf_lanes",
     "reliability",
+    "robots",
     "scale",
     "scheduling",
     "tracking",

@@ -124,5 +124,5 @@ def yaw_rate_error(vehicle: ProvenVehicle, *, load_kg: float = 0.0) -> float:
             body.close()
         turned = np.unwrap(yaws)[round(_SETTLED_S / TICK_S) :]
         got = (turned[-1] - turned[0]) / ((len(turned) - 1) * TICK_S)
-        worst = max(worst, abs(got / rate - 1.0))
+        worst = max(worst, abs(float(got) / rate - 1.0))
     return worst

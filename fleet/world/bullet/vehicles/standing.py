@@ -88,7 +88,10 @@ class Standing:
             upright = float((rotation(np.array(quat)) @ up)[2])
             lean = max(lean, float(np.arccos(min(1.0, max(-1.0, upright)))))
         return StandReport(
-            stands=bool(place[2] > _FALLEN_SHARE * start[2]), height_m=float(place[2]), drift_m=drift, lean_rad=lean
+            stands=bool(place[2] > _FALLEN_SHARE * self._height_m),
+            height_m=float(place[2]),
+            drift_m=drift,
+            lean_rad=lean,
         )
 
     def close(self) -> None:
