@@ -17,6 +17,8 @@ CELL_TIMEOUT_S = 300
 """The first run on a machine compiles kernels and fits the arms' spheres; afterwards a cell takes some seconds."""
 NEEDED = ("ipykernel", "nbclient", "nbconvert", "nbformat")
 CURE = ".venv/bin/python -m pip install --editable '.[notebook]'"
+KERNEL = "python3"
+"""The kernel of the Python that runs this, which ipykernel brings."""
 DONE, FAILED, REFUSED = 0, 1, 2
 _PAGE = """{% extends 'lab/index.html.j2' %}
 {% block html_head_js %}{% endblock %}
@@ -55,6 +57,7 @@ def execute(path: Path) -> Any:
         NotebookError: It cannot be read; or a cell fails, takes too long or writes to stderr, which is named.
     """
     import nbformat
+    from jupyter_client.kernelspec import NoSuchKernel
     from nbclient import NotebookClient
     from nbclient.exceptions import CellExecutionError, CellTimeoutError, DeadKernelError
     from traitlets.config import Config
@@ -66,12 +69,14 @@ def execute(path: Path) -> Any:
     resources = {"metadata": {"path": str(HERE.parent)}}
     # Sockets of the file system: nobody else on the machine can listen, and no port is opened.
     local = Config({"KernelManager": {"transport": "ipc"}})
-    client = NotebookClient(notebook, config=local, timeout=CELL_TIMEOUT_S, kernel_name="python3", resources=resources)
+    client = NotebookClient(notebook, config=local, timeout=CELL_TIMEOUT_S, kernel_name=KERNEL, resources=resources)
     try:
         client.execute()
     except CellExecutionError as error:
         number, lines = _failure(notebook)
         raise NotebookError("\n".join((f"{path}, cell {number}: {error.ename}: {error.evalue}", *lines))) from error
+    except NoSuchKernel as error:
+        raise NotebookError(f"{path}: there is no kernel {KERNEL!r}; valid: {CURE}") from error
     except (CellTimeoutError, DeadKernelError) as error:
         raise NotebookError(f"{path}: {' '.join(str(error).split())}") from error
     for k, cell in enumerate(notebook.cells):

@@ -6,6 +6,7 @@ A command is imported when it is called, and loads what it needs when it runs.
 from __future__ import annotations
 
 import contextlib
+import errno
 import importlib
 import os
 import signal
@@ -24,6 +25,12 @@ from maps.errors import MapsError
 from maps.reading.near import hint
 from planners.errors import PlanningError
 
+CURES = {
+    **dict.fromkeys((errno.EACCES, errno.EPERM, errno.EROFS), "; valid: a path that you may read or write"),
+    errno.ENOSPC: "; valid: room on its disk, or another path",
+}
+OWN = ("", "fleet", "maps", "planners")
+PYTHONS = ".venv/bin/python after `make setup`, or an environment with Python 3.11 into which the wheel was installed"
 BROKEN_OFF, BAD_INPUT, INTERRUPTED = 1, 2, 130
 
 
@@ -238,12 +245,18 @@ def main(arguments: Sequence[str] | None = None, *, prog: str = "") -> None:
         _fail(prog, " ".join(str(error).split()), status=BROKEN_OFF)
     except (FleetError, MapsError, PlanningError) as error:
         _fail(prog, " ".join(str(error).split()))
+    except ModuleNotFoundError as error:
+        if (error.name or "").partition(".")[0] in OWN:
+            raise  # a bug
+        python = f"Python {sys.version_info.major}.{sys.version_info.minor} ({sys.executable})"
+        _fail(prog, f"the package {error.name} is missing in this {python}; valid: {PYTHONS}")
     except BrokenPipeError:
         # Whoever read our output has gone, as `head` does: that is no error, and nobody is left to tell.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(0)
     except OSError as error:
-        _fail(prog, f"{error.filename or 'file system'}: {error.strerror or error}")
+        cure = CURES.get(error.errno or 0, "")
+        _fail(prog, f"{error.filename or 'file system'}: {error.strerror or error}{cure}")
     except KeyboardInterrupt as interrupt:
         discard(interrupt)
         _fail(prog, "interrupted", status=INTERRUPTED)

@@ -71,7 +71,7 @@ class CpSat:
         try:
             from ortools.sat.python import cp_model
         except ImportError:
-            return replace(ahead, note=_note("the package ortools is not installed"))
+            return replace(ahead, note=_note("the package ortools is not installed (pip install '.[cpsat]')"))
         arrays = arrays_of(problem, problem.shop)
         solver = cp_model.CpSolver()
         solver.parameters.max_deterministic_time = self.config.budget

@@ -17,12 +17,21 @@ Kernel = TypeVar("Kernel", bound=Callable[..., Any])
 
 def kernel(function: Kernel) -> Kernel:
     """Compile a function."""
-    return cast(Kernel, njit(cache=True)(function))
+    return _compiled(function)
+
+
+def inner(function: Kernel) -> Kernel:
+    """Compile a function that only other kernels call: a call from Python would crash the process.
+
+    Numba writes a second function for each kernel, which takes its arguments from Python. For a bundle of fifty arrays
+    that takes longer to compile than the kernel.
+    """
+    return _compiled(function, no_cpython_wrapper=True)
 
 
 def inlined(function: Kernel) -> Kernel:
     """Put a function's body where it is called: for those that are a line or two, or would have much handed to them."""
-    return cast(Kernel, njit(cache=True, inline="always")(function))
+    return _compiled(function, inline="always")
 
 
 def borrowing(function: Kernel) -> Kernel:
@@ -30,7 +39,17 @@ def borrowing(function: Kernel) -> Kernel:
 
     The references to arrays that it is handed are not counted, which for a bundle of twenty takes longer than a check.
     """
-    options: dict[str, Any] = {"cache": True, "_nrt": False}
+    return _compiled(function, _nrt=False)
+
+
+def inner_borrowing(function: Kernel) -> Kernel:
+    """Compile a function that is both `inner` and `borrowing`; what it calls must make no array either."""
+    return _compiled(function, no_cpython_wrapper=True, _nrt=False)
+
+
+def _compiled(function: Kernel, **more: Any) -> Kernel:
+    """Nothing calls kernels from C, for which numba would write a function, too."""
+    options: dict[str, Any] = {"cache": True, "no_cfunc_wrapper": True, **more}
     return cast(Kernel, njit(**options)(function))
 
 

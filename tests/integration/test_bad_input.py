@@ -416,3 +416,20 @@ def test_a_setting_from_python_that_is_no_integer_is_named(setting: dict[str, ob
     (name,) = setting
     with pytest.raises(ConfigError, match=f"RunConfig.{name} is .*; valid: an integer"):
         RunConfig(**setting)  # type: ignore[arg-type]
+
+
+def test_a_python_without_the_packages_is_one_line(repository: Path) -> None:
+    words = [sys.executable, "-S", "-m", "fleet", "demo"]
+    done = subprocess.run(words, cwd=repository, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert re.fullmatch(
+        r"python -m fleet: the package \w+ is missing in this Python 3\.\d+ \(.*\); valid: .*make setup.*\n",
+        done.stderr,
+    )
+
+
+def test_an_old_python_is_one_line(repository: Path) -> None:
+    words = [sys.executable, "-c", "import sys; sys.version_info = (3, 10, 13); import fleet.demo"]
+    done = subprocess.run(words, cwd=repository, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert re.fullmatch(r"fleet: this is Python 3\.10 \(.*\); valid: 3\.11, .*make setup.*\n", done.stderr)

@@ -95,6 +95,12 @@ def test_a_missing_kernel_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixt
     assert not (tmp_path / "out").exists()
 
 
+def test_a_kernel_that_is_not_there_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(notebooks, "KERNEL", "fortran")
+    with pytest.raises(notebooks.NotebookError, match=r"made\.ipynb: there is no kernel 'fortran'; valid: .*notebook"):
+        notebooks.execute(notebook_of(tmp_path, "1 + 1"))
+
+
 def test_the_command_names_the_notebooks_that_there_are(repository: Path) -> None:
     found = subprocess.run(
         [sys.executable, "-m", "notebooks", "02_planer"], cwd=repository, capture_output=True, text=True, check=False

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -41,6 +42,9 @@ class Shot:
         require(fits, "--size", self.size, f"WIDTHxHEIGHT, each from 1 to {MOST_PX}")
         require(self.at is None or self.at >= 0.0, "--at", self.at, "a number >= 0")
         path = recording_of(self.folder)
+        folder = self.png.parent
+        writable = folder.is_dir() and os.access(folder, os.W_OK) and not self.png.is_dir()
+        require(writable, "PNG", str(self.png), "a file in a folder that is there and can be written")
         complaints = screenshot(path, self.png, time_s=self.at, size=(width, height), view=self.view)
         sys.stderr.writelines(f"{complaint}\n" for complaint in complaints)
         plain_console().print(f"picture: {self.png}", soft_wrap=True)

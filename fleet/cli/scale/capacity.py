@@ -51,6 +51,7 @@ class CapacityCommand:
         # The simulation takes a second to load: only for runs, not for --help.
         from fleet.scale.capacity import JSON_FILE, capacity_plots, measure_capacity, write_capacity
 
+        self.out.mkdir(parents=True, exist_ok=True)  # what cannot be written is not measured first
         n_cells = len(robots) * len(fidelities)
         with interrupts() as interrupted, Bar(n_cells, "cells", shown=True) as bar:
 

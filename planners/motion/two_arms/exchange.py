@@ -22,7 +22,7 @@ from planners.motion.arm.kinematics import link_frames_into
 from planners.motion.arrays import FloatArray, Int, IntArray
 from planners.motion.collision.collision import CollisionChecker
 from planners.motion.collision.scene_kernel import SceneArrays, path_free
-from planners.motion.kernel import inlined, kernel
+from planners.motion.kernel import inlined, inner, inner_borrowing, kernel
 from planners.motion.path.trajectory import Trajectory
 from planners.motion.two_arms.asynchronous import SMOOTHING_S, asynchronous, smoothed, soonest, steps_into
 from planners.motion.two_arms.swept import ArmInWorld
@@ -267,7 +267,7 @@ def _search(
     return found, found_back, found_push, gap_s
 
 
-@kernel
+@inner
 def _meeting(one: _Side, i: Int, other: _Side, j: Int, most: int) -> _Meeting:
     """Posture i of the first arm, and posture j of the second."""
     here = np.empty((2, one.start.shape[0]))
@@ -280,7 +280,7 @@ def _meeting(one: _Side, i: Int, other: _Side, j: Int, most: int) -> _Meeting:
     return _Meeting(one, other, here, there, most, spare)
 
 
-@kernel
+@inner
 def _polished(meeting: _Meeting, margin: float, way: FloatArray, at: IntArray, push: FloatArray) -> float:
     """Change the pushes joint by joint as long as that shortens the gap; which is returned [s]."""
     one, other, here, there, spare = meeting.one, meeting.other, meeting.here, meeting.there, meeting.spare
@@ -329,7 +329,7 @@ def _polished(meeting: _Meeting, margin: float, way: FloatArray, at: IntArray, p
     return gap * _FINE_S
 
 
-@kernel
+@inner
 def _way(side: _Side, here: FloatArray, there: FloatArray) -> int:
     """In which direction of time a motion without pushes meets no obstacle."""
     nothing = np.zeros(here.shape[0])
@@ -338,7 +338,7 @@ def _way(side: _Side, here: FloatArray, there: FloatArray) -> int:
     return _BACKWARDS if _leg_free(side, there, here, nothing) else _BLOCKED
 
 
-@kernel
+@inner
 def _different(postures: FloatArray, times: FloatArray) -> IntArray:
     """Rows of the soonest postures that differ from all before."""
     rows = np.empty(_N_POSTURES, dtype=np.int64)
@@ -360,7 +360,7 @@ def _different(postures: FloatArray, times: FloatArray) -> IntArray:
     return rows[:count]
 
 
-@kernel
+@inner
 def _sampled(
     here: FloatArray, there: FloatArray, limits: FloatArray, push: FloatArray, step: float, q: FloatArray
 ) -> None:
@@ -376,7 +376,7 @@ def _sampled(
                 q[k, j] = here[j] + smoothed(k * step, at, height, SMOOTHING_S)[0]
 
 
-@kernel
+@inner
 def _leg_free(side: _Side, here: FloatArray, there: FloatArray, push: FloatArray) -> bool:
     """Whether the motion from `here` meets no obstacle."""
     longest = 0.0
@@ -387,14 +387,14 @@ def _leg_free(side: _Side, here: FloatArray, there: FloatArray, push: FloatArray
     return path_free(q, side.scene)
 
 
-@kernel
+@inner
 def _allowed(here: float, there: float, limits: FloatArray, a: int, side: float, spare: float) -> bool:
     """Whether a push keeps a joint inside its limits and its time."""
     swing = here + side * limits[1, a] * PUSH_S**2
     return side == 0.0 or (limits[2, a] <= swing <= limits[3, a] and _joint_s(here, there, limits, a, side) <= spare)
 
 
-@kernel
+@inner
 def _joint_s(here: float, there: float, limits: FloatArray, j: int, push: float) -> float:
     """Time of one joint's motion."""
     at = np.empty(5)
@@ -402,7 +402,7 @@ def _joint_s(here: float, there: float, limits: FloatArray, j: int, push: float)
     return steps_into(there - here, limits[0, j], limits[1, j], push, PUSH_S, at, height) + SMOOTHING_S
 
 
-@kernel
+@inner
 def _parted(meeting: _Meeting, margin: float, memory: _Memory, worth: FloatArray) -> tuple[int, FloatArray]:
     """Shortest gap found between one's leaving and the other's arrival in steps (most + 1: none), and the pushes."""
     one, other, here, there, spare = meeting.one, meeting.other, meeting.here, meeting.there, meeting.spare
@@ -415,6 +415,7 @@ def _parted(meeting: _Meeting, margin: float, memory: _Memory, worth: FloatArray
     n_found = 0
     found_gap = np.empty(_N_ROUNDS, dtype=np.int64)
     found_push = np.empty((_N_ROUNDS, 2, n))
+    away, posture = np.empty(3), np.empty((n + 1, 3, 4))  # room to weigh in
     gap = most
     guess = 0
     _choose(worth, here, there, push)
@@ -448,7 +449,7 @@ def _parted(meeting: _Meeting, margin: float, memory: _Memory, worth: FloatArray
         for s in range(2):
             _place_spheres(sides[s], frames[s], points[s])
         worth *= _KEPT
-        _weigh(one, other, q, points, gap, margin - _BEYOND_M, worth)
+        _weigh(one, other, q, points, gap, margin - _BEYOND_M, worth, away, posture)
         same = _choose(worth, here, there, push)
         if same:
             break
@@ -459,7 +460,7 @@ def _parted(meeting: _Meeting, margin: float, memory: _Memory, worth: FloatArray
     return most + 1, push
 
 
-@kernel
+@inner
 def _choose(worth: FloatArray, here: FloatArray, there: FloatArray, push: FloatArray) -> bool:
     """Fill the pushes of the joints that are worth most (2, n); whether they were the same before."""
     same = True
@@ -476,7 +477,7 @@ def _choose(worth: FloatArray, here: FloatArray, there: FloatArray, push: FloatA
     return same
 
 
-@kernel
+@inner_borrowing
 def _place(side: _Side, q: FloatArray, frames: FloatArray, middle: FloatArray) -> None:
     """Fill link frames (k, n+1, 3, 4) and middles of bodies (k, b, 3) in the world."""
     ball, frame = side.bodies.ball, side.bodies.frame
@@ -490,7 +491,7 @@ def _place(side: _Side, q: FloatArray, frames: FloatArray, middle: FloatArray) -
                     middle[k, b, a] += frames[k, f, a, c] * ball[b, c]
 
 
-@kernel
+@inner_borrowing
 def _place_spheres(side: _Side, frames: FloatArray, points: FloatArray) -> None:
     """Fill sphere centres (k, s, 3) in the world."""
     spheres, frame = side.spheres, side.frame
@@ -548,7 +549,7 @@ def _moment(k: int, gap: int, samples: int) -> tuple[int, int]:
     return 0, k - samples + gap + 1
 
 
-@kernel
+@inner
 def _met(
     one: _Side,
     other: _Side,
@@ -584,13 +585,22 @@ def _met(
     return -1
 
 
-@kernel
+@inner_borrowing
 def _weigh(
-    one: _Side, other: _Side, q: FloatArray, points: FloatArray, gap: int, margin: float, worth: FloatArray
+    one: _Side,
+    other: _Side,
+    q: FloatArray,
+    points: FloatArray,
+    gap: int,
+    margin: float,
+    worth: FloatArray,
+    away: FloatArray,
+    frames: FloatArray,
 ) -> None:
-    """Add what joints are worth (2, n): how far a push of each moves the deepest spheres of each moment apart."""
-    away = np.empty(3)
-    frames = np.empty((q.shape[2] + 1, 3, 4))
+    """Add what joints are worth (2, n): how far a push of each moves the deepest spheres of each moment apart.
+
+    `away` (3,) and `frames` (n+1, 3, 4) are overwritten.
+    """
     for k in range(2 * _SAMPLES - gap - 1):
         s, t = _moment(k, gap, _SAMPLES)
         least, u, v = _deepest(one, points[0, s], other, points[1, t], margin, _NEAR_M)
@@ -600,11 +610,12 @@ def _weigh(
         for a in range(3):
             away[a] = (_NEAR_M - least) * (points[0, s, u, a] - points[1, t, v, a]) / length
         _weigh_joints(one, q[0, s], one.frame[u], points[0, s, u], away, s, frames, worth[0])
-        away *= -1.0
+        for a in range(3):
+            away[a] = -away[a]
         _weigh_joints(other, q[1, t], other.frame[v], points[1, t, v], away, t, frames, worth[1])
 
 
-@kernel
+@inner_borrowing
 def _weigh_joints(
     side: _Side,
     q: FloatArray,

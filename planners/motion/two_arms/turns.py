@@ -15,7 +15,7 @@ from planners.errors import PlanningError
 from planners.motion.arm.hulls import ArmStep, Bodies, step_apart
 from planners.motion.arm.kinematics import link_frames_into
 from planners.motion.arrays import FloatArray, IntArray
-from planners.motion.kernel import kernel
+from planners.motion.kernel import inner, kernel
 from planners.motion.path.timed_path import TimedPath
 from planners.motion.status import MotionStatus
 from planners.motion.two_arms.diagram import MARGIN_M
@@ -127,7 +127,7 @@ def _least_delay(one: _Moving, other: _Moving, first: int, end: int, margin: flo
     return -1
 
 
-@kernel
+@inner
 def _met(one: _Moving, other: _Moving, delay: int, margin: float, way: FloatArray, at: IntArray, guess: int) -> int:
     """A step during which the arms are not apart, looking from a guess onwards; -1 for none."""
     middle, their_middle, wide, their_wide = one.middle, other.middle, one.wide, other.wide

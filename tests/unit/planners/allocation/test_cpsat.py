@@ -66,7 +66,7 @@ def test_without_the_package_local_search_answers(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setitem(sys.modules, "ortools.sat.python", None)
     problem = problem_of(0)
     found = CpSat().allocate(problem)
-    assert found.note == "cpsat: the package ortools is not installed; regret_lns answered"
+    assert found.note == "cpsat: the package ortools is not installed (pip install '.[cpsat]'); regret_lns answered"
     assert found.sequence == RegretLns().allocate(problem).sequence
 
 
