@@ -11,6 +11,7 @@ from tests.guide.pages import Block, each_block, run_block
     "docs/guide/sites.md",
     "docs/guide/layouts.md",
     "docs/guide/orders.md",
+    "docs/guide/cars.md",
     "docs/guide/disturbances.md",
     "docs/guide/settings.md",
     "docs/guide/cameras.md",
