@@ -39,7 +39,9 @@ def hauler_spec() -> CarSpec:
         max_steering_rate_radps=4.0,
         max_payload_kg=6.0,
     )
-    return _body().spec(limits, CarMotors(drive_nm=1.5, brake_nm=10.0, steer_nm=15.0, steer_gain=0.4, hold_n=115.0))
+    return _body().spec(
+        limits, CarMotors(drive_nm=1.5, brake_nm=10.0, steer_nm=15.0, steer_gain=0.4, hold_force_n=115.0)
+    )
 
 
 def hauler_urdf(wheels: WheelShape = "sphere") -> str:

@@ -65,7 +65,7 @@ class CarMotors:
     """Torque of each steering hinge [Nm]."""
     steer_gain: float
     """Share of the error of its angle that a hinge makes good in a physics step."""
-    hold_n: float
+    hold_force_n: float
     """Force that holds a standing car where it is: the grip of its tyres [N]."""
 
 

@@ -227,7 +227,7 @@ def test_an_arm(tree: Copy, row: Row, repository: Path) -> None:
 @of_part("car")
 def test_a_car(tree: Copy, row: Row, repository: Path) -> None:
     text = (repository / "tests" / "hauler.py").read_text(encoding="utf-8")
-    tree.add(row, text, name="hauler", line='"hauler": "fleet.robots.cars.hauler",')
+    tree.add(row, text, name="hauler", line='"hauler": "fleet.robots.cars.hauler.ENTRY",')
     tree.run("-m", "fleet", "demo", "--fidelity", "grid", "--no-record", "--cars", "hauler:1,racecar:1")
     shutil.copy(repository / "tests" / "contract" / "test_robots.py", tree.root)
     assert "3 passed" in tree.run("-m", "pytest", "-q", "-k", "hauler", "test_robots.py")

@@ -12,6 +12,7 @@ from tests.guide.pages import Block, each_block, run_block
     "docs/guide/layouts.md",
     "docs/guide/vda5050.md",
     "docs/guide/orders.md",
+    "docs/guide/cars.md",
     "docs/guide/disturbances.md",
     "docs/guide/settings.md",
     "docs/guide/cameras.md",

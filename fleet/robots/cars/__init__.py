@@ -8,12 +8,13 @@ from fleet.robots.model import CarEntry
 
 def _found(members: Mapping[str, str]) -> dict[str, CarEntry]:
     """The entry of each model, by name."""
-    return {name: import_module(module).ENTRY for name, module in members.items()}
+    paths = {name: path.rpartition(".") for name, path in members.items()}
+    return {name: getattr(import_module(module), entry) for name, (module, _, entry) in paths.items()}
 
 
 CARS: dict[str, CarEntry] = _found(
     {
-        "racecar": "fleet.robots.cars.racecar",
+        "racecar": "fleet.robots.cars.racecar.ENTRY",
     }
 )
 """All models of cars, by the names that `--cars` takes."""

@@ -64,7 +64,7 @@ def racecar_spec() -> CarSpec:
         max_steering_rate_radps=4.0,
         max_payload_kg=2.0,
     )
-    motors = CarMotors(drive_nm=0.6, brake_nm=4.0, steer_nm=10.0, steer_gain=0.4, hold_n=48.0)
+    motors = CarMotors(drive_nm=0.6, brake_nm=4.0, steer_nm=10.0, steer_gain=0.4, hold_force_n=48.0)
     return _body().spec(limits, motors)
 
 

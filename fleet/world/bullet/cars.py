@@ -22,7 +22,7 @@ from fleet.world.bullet.engine.frames import quaternion, rotation, turned
 
 # A brake that only holds zero wheel speed creeps (0.35 mm/s at 10 solver iterations: the contact solver has no static
 # friction), and one that holds the wheels' angle turns a car with steered wheels by a radian a minute. A standing car
-# is therefore held where it is by a force-limited constraint: the grip of its tyres (`CarMotors.hold_n`).
+# is therefore held where it is by a force-limited constraint: the grip of its tyres (`CarMotors.hold_force_n`).
 _STILL_MPS = 0.005
 # Shoved away by more than this, the tyres have slipped: they hold at the new place.
 _SLIPPED_M = 0.003
@@ -553,7 +553,7 @@ class Cars:
             self._brakes[car],
             jointChildPivot=place,
             jointChildFrameOrientation=quat,
-            maxForce=self.models[car].motors.hold_n,
+            maxForce=self.models[car].motors.hold_force_n,
         )
 
 
