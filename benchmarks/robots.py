@@ -12,7 +12,7 @@ from fleet.proving.course import LANES
 from fleet.proving.show import arrivals_apart
 from fleet.proving.trial import TrialReport, drive, yaw_rate_error
 from fleet.proving.vehicles import TICK_S, VEHICLES
-from fleet.robots import CARS
+from fleet.robots import CARS, CarModels
 from fleet.world.bullet.cars import Cars
 from fleet.world.bullet.vehicles.floor import BareFloor
 from fleet.world.bullet.vehicles.legged import Legged
@@ -115,7 +115,8 @@ def _step_s(name: str, n_robots: int) -> float:
     robots: Cars | SkidSteered | Legged
     if name == "racecar":
         entry = CARS[name]
-        robots = Cars(floor.client, entry.spec(), start, entry.urdf("sphere"), floor.step_s)
+        models = CarModels.alike(entry.spec(), n_robots)
+        robots = Cars(floor.client, models, start, (entry.urdf("sphere"),), floor.step_s)
     elif name == "husky":
         robots = SkidSteered(floor.client, start)
     else:

@@ -60,15 +60,6 @@ class RemoteArms:
         self._grasps: dict[int, _Grasp] = {}
 
     @property
-    @property
-    def _spec(self) -> ArmSpec:
-        """Model of the arms, which are all alike.
-
-        Raises:
-            ConfigError: They are not.
-        """
-        return self._run.scene.arms.only("arms in other hands")
-
     def taken(self) -> list[int]:
         """Arms in other hands."""
         return list(self._grasps)
@@ -164,6 +155,15 @@ class RemoteArms:
             run.arm_manager.hand_over(arm)
             grasp.given, grasp.begun_s = True, run.sim_s
             run.events.log("remote_taken", robot=f"arm_{arm}", trusted=grasp.trusted)
+
+    @property
+    def _spec(self) -> ArmSpec:
+        """Model of the arms, which are all alike.
+
+        Raises:
+            ConfigError: They are not.
+        """
+        return self._run.scene.arms.only("arms in other hands")
 
     def _bring_home(self, arm: int, grasp: _Grasp) -> None:
         run = self._run

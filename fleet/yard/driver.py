@@ -7,6 +7,7 @@ import itertools
 import numpy as np
 
 from fleet.arrays import FloatArray
+from fleet.robots.cars.models import CarModels
 from fleet.robots.pursuit import Follower, FollowerConfig, PathBuffer
 from fleet.robots.spec import CarSpec
 from planners.open_floor import CarWay
@@ -32,7 +33,7 @@ class YardDriver:
     def __init__(self, spec: CarSpec, poses: FloatArray, tick_s: float, speed_mps: float, backwards_mps: float) -> None:
         n = len(poses)
         self._paths = PathBuffer(n)
-        self._follower = Follower(spec, n, tick_s, FollowerConfig(max_lateral_mps2=_LATERAL_MPS2))
+        self._follower = Follower(CarModels.alike(spec, n), tick_s, FollowerConfig(max_lateral_mps2=_LATERAL_MPS2))
         self._paths.points[:, 0] = poses
         self._begin_s = np.zeros(n)
         self._speed_mps, self._backwards_mps = speed_mps, backwards_mps

@@ -101,7 +101,7 @@ class YardRun:
         scene = yard_scene(yard, starts)
         self.world = make_world(scene)
         self._driver = YardDriver(scene.car, starts, self.world.tick_s, SPEED_MPS, BACKWARDS_MPS)
-        self._arms = np.empty((0, scene.arm.n_joints))
+        self._arms = np.empty((0, 0))
         self._ticks = 0
         self._ready = np.full(n_cars, self._in(_SERVICE_S))
         self._arrived = np.ones(n_cars, dtype=np.bool_)

@@ -7,9 +7,8 @@ import math
 import numpy as np
 
 from fleet.arrays import FloatArray
-from fleet.config import Grip
-from fleet.robots import ARMS, CARS
-from fleet.robots.tools import TOOLS
+from fleet.robots import CARS, ArmTeam
+from fleet.robots.cars.models import usual_car
 from fleet.world.scene import Scene, StaticBox
 from maps.yard import Yard
 from planners.open_floor import CarOutline
@@ -49,15 +48,14 @@ def yard_scene(yard: Yard, car_start: FloatArray) -> Scene:
         boxes.append(_box("wall", x, y, half_x, half_y))
     for x, y, radius in yard.pillars.tolist():
         boxes.append(_box("shelf", x, y, radius / math.sqrt(2.0), radius / math.sqrt(2.0)))
-    arm = ARMS["iiwa14"].spec(TOOLS[Grip.SUCTION])
     return Scene(
         size_m=yard.size_m,
         boxes=tuple(boxes),
-        car=CARS["racecar"].spec(),
+        car_kinds=(usual_car(),),
         car_start=car_start,
-        arm=arm,
+        arms=ArmTeam.of(()),
         arm_base=np.empty((0, 4)),
-        arm_start=np.empty((0, arm.n_joints)),
+        arm_start=np.empty((0, 0)),
     )
 
 
