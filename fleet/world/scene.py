@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from fleet.arrays import FloatArray
+from fleet.config import require
 from fleet.robots.arms.team import ArmTeam
 from fleet.robots.spec import CarSpec
 
@@ -34,3 +37,9 @@ class Scene:
     """Base poses x, y, z, yaw, shape (n_arms, 4)."""
     arm_start: FloatArray
     """Start joint positions [rad], shape (n_arms, n_joints); n_joints is `arms.width` everywhere."""
+
+    def __post_init__(self) -> None:
+        shapes = (np.shape(self.arm_base), np.shape(self.arm_start))
+        n_arms = len(self.arms)
+        valid = ((n_arms, 4), (n_arms, self.arms.width))
+        require(shapes == valid, "scene: shapes of arm_base, arm_start", shapes, f"{valid} for {n_arms} arms")
