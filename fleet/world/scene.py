@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from fleet.arrays import FloatArray, IntArray
+from fleet.config import require
 from fleet.robots.arms.team import ArmTeam
 from fleet.robots.cars.models import CarModels
 from fleet.robots.spec import CarSpec
@@ -42,6 +43,12 @@ class Scene:
 
     car_kind_of: IntArray | None = None
     """Which of the models each car is, shape (n_cars,); None = all are the first."""
+
+    def __post_init__(self) -> None:
+        shapes = (np.shape(self.arm_base), np.shape(self.arm_start))
+        n_arms = len(self.arms)
+        valid = ((n_arms, 4), (n_arms, self.arms.width))
+        require(shapes == valid, "scene: shapes of arm_base, arm_start", shapes, f"{valid} for {n_arms} arms")
 
     @cached_property
     def cars(self) -> CarModels:

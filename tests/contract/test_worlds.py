@@ -120,7 +120,7 @@ def run(
 
 def reach(case: Case, world: World, tip_m: tuple[float, float, float], *, grip: bool, seconds: float = 2.0) -> None:
     """Move the arm's tip to a point of the world, tool down, along a smooth joint-space line."""
-    spec = scene().arm
+    spec = scene().arms.specs[0]
     c, s = math.cos(ARM_YAW), math.sin(ARM_YAW)
     dx, dy = tip_m[0] - ARM_XY[0], tip_m[1] - ARM_XY[1]
     goal = np.array([c * dx + s * dy, c * dy - s * dx, tip_m[2]])

@@ -202,6 +202,7 @@ def test_rays_of_a_world_without_robots() -> None:
     bare = dataclasses.replace(
         world._scene,
         car_start=np.zeros((0, 3)),
+        arms=world._scene.arms.part(()),
         arm_base=np.zeros((0, 4)),
         arm_start=np.zeros((0, 7)),
     )

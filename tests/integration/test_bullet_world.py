@@ -501,8 +501,9 @@ def test_bad_worlds_are_refused(make_world: MakeWorld, monkeypatch: pytest.Monke
     world = make_world(cars=[(1.0, 1.0, 0.0)])
     with pytest.raises(PhysicsError, match="parcel 9"):
         world.remove_parcel(9)
+    fingers = ArmTeam.alike(ARMS["iiwa"].spec(TOOLS["friction"]), 1)
     with pytest.raises(ConfigError, match="'friction'; valid: suction"):
-        BulletWorld(scene_of(arms=ArmTeam.alike(ARMS["iiwa"].spec(TOOLS["friction"]), 1)))
+        BulletWorld(scene_of(arms=fingers, arm_base=np.zeros((1, 4)), arm_start=np.zeros((1, 7))))
 
 
 def test_the_engine_prints_nothing() -> None:

@@ -188,7 +188,7 @@ def test_frames_come_at_the_rate_asked_for(tmp_path: Path, site: Site) -> None:
 def test_no_parcels_no_arms_no_paths_is_a_recording_too(tmp_path: Path, site: Site, frames: Frames) -> None:
     from dataclasses import replace
 
-    scene = replace(site[0], arm_base=np.empty((0, 4)), arm_start=np.empty((0, 7)))
+    scene = replace(site[0], arms=site[0].arms.part(()), arm_base=np.empty((0, 4)), arm_start=np.empty((0, 7)))
     with open_recorder(tmp_path / "a.rrd", (scene, site[1])) as recorder:
         for frame in frames(5):
             bare = replace(

@@ -20,7 +20,11 @@ FloatArray = npt.NDArray[np.float64]
 def world_of(hall: Scene, poses: list[tuple[float, float, float]], contact: str = "stop") -> KinematicWorld:
     """Return a world of cars at these poses, in which no arm stands."""
     scene = dataclasses.replace(
-        hall, car_start=np.array(poses), arm_base=hall.arm_base[:0], arm_start=hall.arm_start[:0]
+        hall,
+        car_start=np.array(poses),
+        arms=hall.arms.part(()),
+        arm_base=hall.arm_base[:0],
+        arm_start=hall.arm_start[:0],
     )
     return KinematicWorld(scene, KinematicConfig(contact=contact))
 

@@ -135,7 +135,12 @@ def test_clearance_of_cars_agrees_with_sampled_outlines(hall: Scene) -> None:
     for _ in range(30):
         poses = rng.uniform((4.0, 2.0, -3.0), (5.2, 3.2, 3.0), (2, 3))
         scene = dataclasses.replace(
-            hall, car_start=poses, boxes=(), arm_base=np.zeros((0, 4)), arm_start=np.zeros((0, 7))
+            hall,
+            car_start=poses,
+            boxes=(),
+            arms=hall.arms.part(()),
+            arm_base=np.zeros((0, 4)),
+            arm_start=np.zeros((0, 7)),
         )
         world = KinematicWorld(scene)
         step(world)

@@ -280,17 +280,18 @@ def test_arms_of_one_dock_share_a_region_and_large_sites_have_no_more_than_they_
     team = ArmTeam.alike(hall.arms.specs[0], len(xs))
     scene = replace(hall, arms=team, arm_base=base, arm_start=team.home_rad)
     assert regions_of(scene, MixedConfig()) == [[0, 1], [2], [3], [4]]
-    many = replace(hall, arm_base=np.array([[2.0 * k, 0.0, 0.0, 0.0] for k in range(68)]), arm_start=np.zeros((68, 7)))
+    base = np.array([[2.0 * k, 0.0, 0.0, 0.0] for k in range(68)])
+    many = replace(hall, arms=hall.arms.part([0] * 68), arm_base=base, arm_start=np.zeros((68, 7)))
     parts = regions_of(many, MixedConfig())
     assert len(parts) == MixedConfig().n_regions(68) == 13
     assert sorted(arm for part in parts for arm in part) == list(range(68))
     assert {len(part) for part in parts} == {5, 6}
-    none = replace(hall, arm_base=np.zeros((0, 4)), arm_start=np.zeros((0, 7)))
+    none = replace(hall, arms=hall.arms.part(()), arm_base=np.zeros((0, 4)), arm_start=np.zeros((0, 7)))
     assert regions_of(none, MixedConfig()) == []
 
 
 def test_cars_without_arms_are_those_of_the_kinematic_world(hall: Scene) -> None:
-    scene = replace(hall, arm_base=np.zeros((0, 4)), arm_start=np.zeros((0, 7)))
+    scene = replace(hall, arms=hall.arms.part(()), arm_base=np.zeros((0, 4)), arm_start=np.zeros((0, 7)))
     world, twin = MixedWorld(scene, MixedConfig(tick_s=0.05)), KinematicWorld(scene)
     still, grip = np.zeros((0, 7)), np.zeros(0, dtype=np.bool_)
     for _ in range(40):
