@@ -14,6 +14,7 @@ from benchmarks.interop.lif import measure_lif
 from benchmarks.interop.opentcs import measure_opentcs
 from benchmarks.interop.rmf import measure_rmf
 from benchmarks.interop.runs import measure_runs
+from benchmarks.interop.vda5050 import measure_vda5050
 
 GROUPS: dict[str, Callable[[Trial], Iterable[Row]]] = {
     "runs": measure_runs,
@@ -21,6 +22,7 @@ GROUPS: dict[str, Callable[[Trial], Iterable[Row]]] = {
     "opentcs": measure_opentcs,
     "rmf": measure_rmf,
     "broken": measure_broken,
+    "vda5050": measure_vda5050,
 }
 
 BENCHMARK = grouped(
