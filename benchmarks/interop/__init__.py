@@ -16,6 +16,7 @@ from benchmarks.interop.opentcs import measure_opentcs
 from benchmarks.interop.rmf import measure_rmf
 from benchmarks.interop.ros import measure_ros
 from benchmarks.interop.runs import measure_runs
+from benchmarks.interop.vda5050 import measure_vda5050
 from benchmarks.interop.yard import measure_yard
 
 GROUPS: dict[str, Callable[[Trial], Iterable[Row]]] = {
@@ -27,6 +28,7 @@ GROUPS: dict[str, Callable[[Trial], Iterable[Row]]] = {
     "open_floor": measure_open_floor,
     "ros": measure_ros,
     "yard": measure_yard,
+    "vda5050": measure_vda5050,
 }
 
 BENCHMARK = grouped(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import logging
 import multiprocessing
 import signal
@@ -12,7 +13,7 @@ from typing import Self
 
 from fleet.gateway.errors import GatewayError
 
-START_S = 30.0
+START_S = 60.0
 """How long the broker may take to listen [s]."""
 END_S = 5.0
 """How long it may take to end [s]."""
@@ -70,10 +71,9 @@ def _serve(port: int, pipe: Connection) -> None:
     logging.disable(logging.CRITICAL)
     try:
         asyncio.run(_until_closed(port, pipe))
-    except (OSError, RuntimeError) as error:
-        pipe.send(str(error))
-    except ImportError as error:
-        pipe.send(f"amqtt cannot be loaded ({error})")
+    except (OSError, RuntimeError, ImportError) as error:
+        with contextlib.suppress(OSError):  # nobody waits for it any more
+            pipe.send(str(error))
 
 
 async def _until_closed(port: int, pipe: Connection) -> None:
