@@ -25,7 +25,14 @@ POSITION_GAIN, VELOCITY_GAIN = 0.2, 0.5
 """Of the engine's motors, which are implicit: explicit torques of published gains need steps of 1/500 s."""
 
 A1_FOLLOWER = TwistFollowerConfig(
-    cross_per_m2=9.0, heading_per_m=6.0, lag_s=0.15, approach_per_s=2.0, stop_tolerance_m=0.01, turn_tolerance_rad=0.02
+    cross_per_m2=9.0,
+    heading_per_m=6.0,
+    lag_s=0.15,
+    approach_per_s=2.0,
+    creep_mps=0.04,
+    stop_tolerance_m=0.01,
+    turn_tolerance_rad=0.03,
+    slow_radps=0.15,
 )
 """Softer gains than those of wheels: a body that sways by a centimetre with every step answers after one."""
 
