@@ -49,7 +49,6 @@ class Legged:
         self._wanted = np.zeros((len(start), 3))
         self._told = np.zeros((len(start), 3))
         self._trim = np.zeros((len(start), 3))
-        self._surplus = np.zeros((len(start), 2))
         # Bodies sway as their legs step: only what a whole cycle brings is compared with what was told.
         self._recent = np.zeros((round(1.0 / (trot.frequency_hz * tick_s)), len(start), 3))
         self._tick = 0
@@ -74,7 +73,7 @@ class Legged:
                 client.setCollisionFilterGroupMask(body, link, groups.MOVING, groups.ALL)
 
     def drive(self, commands: FloatArray) -> None:
-        """Say how to move from now on; call it in every tick.
+        """Say how to move from now on; call it in every tick. A robot that feels that it has fallen stands still.
 
         Args:
             commands: Speeds [m/s] and yaw rates [rad/s], within the limits, shape (n, 2).
@@ -84,16 +83,15 @@ class Legged:
         self._recent[self._tick % len(self._recent)] = self._felt.motions - self._wanted
         self._tick += 1
         surplus = self._recent.mean(axis=0)
-        stepping = np.abs(commands).max(axis=1) > 0.0
+        stepping = (np.abs(commands).max(axis=1) > 0.0) & ~self._felt.fallen
         wanted = self._wanted = np.column_stack((commands[:, 0], np.zeros(len(commands)), commands[:, 1]))
         self._trim[stepping] -= _TRIM_PER_S * self._tick_s * surplus[stepping]
         np.clip(self._trim, -_MOST_TRIM, _MOST_TRIM, out=self._trim)
         self._told = np.where(stepping[:, None], wanted + self._trim, 0.0)
-        self._surplus = surplus[:, :2]
 
     def before_step(self) -> None:
         """Move the legs on; call it before every physics step."""
-        targets = self._trot.joint_targets(self._told, self._surplus)
+        targets = self._trot.joint_targets(self._told)
         client, n = self._client, len(JOINTS)
         for body, row in zip(self.bodies, targets.tolist(), strict=True):
             client.setJointMotorControlArray(
