@@ -149,7 +149,7 @@ def moved(config: InertialConfig, *, seconds: float, seed: int = 0) -> tuple[Ine
     pose = np.zeros(3)
     for _ in range(round(seconds / TICK_S)):
         pose = pose + TICK_S * np.array([0.5 * math.cos(pose[2]), 0.5 * math.sin(pose[2]), 0.5])
-        estimator.update(pose.reshape(1, 3), np.array([[0.5, 0.0, 0.5]]))
+        estimator.update(pose.reshape(1, 3), np.array([[0.5, 0.0, 0.5]]), np.zeros((1, 2)))
     return estimator, pose
 
 
