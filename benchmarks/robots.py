@@ -13,6 +13,8 @@ from fleet.proving.show import arrivals_apart
 from fleet.proving.trial import TrialReport, drive, yaw_rate_error
 from fleet.proving.vehicles import TICK_S, VEHICLES
 from fleet.robots import CARS, CarModels
+from fleet.robots.twist import TWIST_ROBOTS
+from fleet.robots.twist.spec import SkidChassis
 from fleet.world.bullet.cars import Cars
 from fleet.world.bullet.vehicles.floor import BareFloor
 from fleet.world.bullet.vehicles.legged import Legged
@@ -117,10 +119,10 @@ def _step_s(name: str, n_robots: int) -> float:
         entry = CARS[name]
         models = CarModels.alike(entry.spec(), n_robots)
         robots = Cars(floor.client, models, start, (entry.urdf("sphere"),), floor.step_s)
-    elif name == "husky":
-        robots = SkidSteered(floor.client, start)
+    elif isinstance(chassis := TWIST_ROBOTS[name]().chassis, SkidChassis):
+        robots = SkidSteered(floor.client, chassis, start)
     else:
-        robots = Legged(floor.client, start, floor.step_s, TICK_S, np.random.default_rng(0))
+        robots = Legged(floor.client, chassis, start, floor.step_s, TICK_S, np.random.default_rng(0))
     commands = np.tile(_CIRCLES[name], (n_robots, 1))
     n_per_tick = round(TICK_S / floor.step_s)
     try:

@@ -19,7 +19,7 @@ from fleet.robots.twist.follower import TwistFollower, TwistFollowerConfig
 from fleet.robots.twist.husky import husky_spec
 from fleet.robots.twist.inertial import InertialEstimator
 from fleet.robots.twist.motion import TwistMotion
-from fleet.robots.twist.spec import TwistSpec
+from fleet.robots.twist.spec import LeggedChassis, TwistSpec
 from fleet.world.bullet.cars import Cars
 from fleet.world.bullet.engine.client import Client
 from fleet.world.bullet.vehicles.floor import BareFloor
@@ -114,12 +114,11 @@ class PhysicalTwist:
         self._floor = floor = BareFloor(friction=friction)
         self._n_steps = round(TICK_S / floor.step_s)
         start = np.zeros((1, 3))
-        legged = spec.drive == "legged"
         self.robots: Legged | SkidSteered
-        if legged:
-            self.robots = Legged(floor.client, start, floor.step_s, TICK_S, rng)
+        if isinstance(spec.chassis, LeggedChassis):
+            self.robots = Legged(floor.client, spec.chassis, start, floor.step_s, TICK_S, rng)
         else:
-            self.robots = SkidSteered(floor.client, start)
+            self.robots = SkidSteered(floor.client, spec.chassis, start)
         if load_kg:
             place = np.array([spec.tray_x_m, 0.0, spec.tray_floor_z_m + _PARCEL_M[2] / 2 + 0.002])
             floor.add_box(np.array(_PARCEL_M), load_kg, place, _PARCEL_FRICTION)

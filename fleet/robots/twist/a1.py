@@ -8,7 +8,7 @@ import pybullet_data
 
 from fleet.robots.description import fill, spaced
 from fleet.robots.twist.follower import TwistFollowerConfig
-from fleet.robots.twist.spec import TwistLimits, TwistResponse, TwistSpec
+from fleet.robots.twist.spec import LeggedChassis, TwistLimits, TwistResponse, TwistSpec
 from fleet.robots.twist.trot import LEGS, TrotConfig
 
 _MAKER = "https://www.unitree.com/products/a1/"
@@ -19,13 +19,15 @@ JOINTS = tuple(f"{leg}_{joint}_joint" for leg in LEGS for joint in ("hip", "uppe
 """Joints in the order of `Trot.joint_targets`."""
 TROT = TrotConfig(link_m=0.2, hip_m=0.085, foot_x_m=0.183, foot_y_m=0.132)
 """Legs of the description: hips 0.183 m ahead and 0.047 m aside, legs 0.085 m farther out."""
-TORQUE_NM = 33.5
-"""Most torque of a joint: Unitree, A1 motor."""
-POSITION_GAIN, VELOCITY_GAIN = 0.2, 0.5
-"""Of the engine's motors, which are implicit: explicit torques of published gains need steps of 1/500 s."""
-
 A1_FOLLOWER = TwistFollowerConfig(
-    cross_per_m2=9.0, heading_per_m=6.0, lag_s=0.15, approach_per_s=2.0, stop_tolerance_m=0.01, turn_tolerance_rad=0.02
+    cross_per_m2=9.0,
+    heading_per_m=6.0,
+    lag_s=0.15,
+    approach_per_s=2.0,
+    creep_mps=0.04,
+    stop_tolerance_m=0.01,
+    turn_tolerance_rad=0.03,
+    slow_radps=0.15,
 )
 """Softer gains than those of wheels: a body that sways by a centimetre with every step answers after one."""
 
@@ -43,6 +45,16 @@ def a1_spec() -> TwistSpec:
     return TwistSpec(
         name="a1",
         drive="legged",
+        chassis=LeggedChassis(
+            description=a1_urdf(),
+            joints=JOINTS,
+            toe_m=TOE_RADIUS_M,
+            trot=TROT,
+            # Unitree, A1 motor.
+            torque_nm=33.5,
+            # The engine's motors are implicit: explicit torques of published gains need steps of 1/500 s.
+            gains=(0.2, 0.5),
+        ),
         mass_kg=12.46 + _TRAY_MASS_KG,
         max_payload_kg=3.0,
         front_m=0.30,

@@ -12,7 +12,7 @@ from fleet.arrays import FloatArray
 from fleet.robots.description import fill, spaced
 from fleet.robots.spec import Visual
 from fleet.robots.twist.skid_steer import SkidSteer
-from fleet.robots.twist.spec import TwistLimits, TwistResponse, TwistSpec
+from fleet.robots.twist.spec import SkidChassis, TwistLimits, TwistResponse, TwistSpec
 
 _MANUAL = "https://docs.clearpathrobotics.com/docs_robots/outdoor_robots/husky/a200/user_manual_husky"
 _CONTROLLER = "https://github.com/husky/husky husky_control/config/control.yaml"
@@ -67,6 +67,15 @@ def husky_spec() -> TwistSpec:
     return TwistSpec(
         name="husky",
         drive="differential",
+        chassis=SkidChassis(
+            description=husky_urdf(),
+            rollers=ROLLERS,
+            supports=("supports",),
+            radius_m=WHEEL_RADIUS_M,
+            skid=SKID,
+            # 2.5 m/s^2 with a full load needs 15 N m.
+            torque_nm=60.0,
+        ),
         mass_kg=_CHASSIS_MASS_KG + 4 * _WHEEL_MASS_KG + _TRAY_MASS_KG,
         max_payload_kg=20.0,
         front_m=0.495,

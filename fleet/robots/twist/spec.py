@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 from fleet.robots.spec import Visual
+from fleet.robots.twist.skid_steer import SkidSteer
+from fleet.robots.twist.trot import TrotConfig
 
 TwistDrive = Literal["differential", "legged"]
 
@@ -46,6 +48,40 @@ class TwistResponse:
 
 
 @dataclass(frozen=True, kw_only=True)
+class SkidChassis:
+    """How engines build and drive a robot on wheels that do not steer."""
+
+    description: str
+    """URDF text; its base frame is the reference point."""
+    rollers: tuple[str, str]
+    """Links that drive it, left and right; each spins in the joint ``<link>_spin``, forward where positive."""
+    supports: tuple[str, ...]
+    """Links that it leans on."""
+    radius_m: float
+    """Of the rollers."""
+    skid: SkidSteer
+    torque_nm: float
+    """Most torque of a side."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class LeggedChassis:
+    """How engines build and drive a robot on four legs."""
+
+    description: str
+    """URDF text; its base frame is above the reference point, at the height of the hips."""
+    joints: tuple[str, ...]
+    """Joints in the order of `Trot.joint_targets`."""
+    toe_m: float
+    """Radius of the feet."""
+    trot: TrotConfig
+    torque_nm: float
+    """Most torque of a joint."""
+    gains: tuple[float, float]
+    """Of the engine's position motors, for position and velocity."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class TwistSpec:
     """A robot that is told a speed and a yaw rate, and may turn on the spot about the reference point of its pose.
 
@@ -54,6 +90,7 @@ class TwistSpec:
 
     name: str
     drive: TwistDrive
+    chassis: SkidChassis | LeggedChassis
     mass_kg: float
     """Without a load."""
     max_payload_kg: float

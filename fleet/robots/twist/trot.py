@@ -44,10 +44,6 @@ class TrotConfig:
     goes on by itself between two steps."""
     yaw_gain: float = 1.067
     """The same of the yaw rate."""
-    ahead_per_mps: float = 0.0
-    """Feet land so far ahead for each m/s that the body is faster than told [s]."""
-    aside_per_mps: float = 0.0
-    """Feet land so far to the left for each m/s that the body goes to the left, against what it is told [s]."""
 
 
 class _Gait(NamedTuple):
@@ -73,8 +69,6 @@ class _Numbers(NamedTuple):
     frequency: float
     speed_gain: float
     yaw_gain: float
-    ahead: float
-    aside: float
 
 
 class Trot:
@@ -111,22 +105,19 @@ class Trot:
             config.frequency_hz,
             config.speed_gain,
             config.yaw_gain,
-            config.ahead_per_mps,
-            config.aside_per_mps,
         )
         self._targets = np.empty((n_robots, 12))
 
-    def joint_targets(self, commands: FloatArray, surplus: FloatArray) -> FloatArray:
+    def joint_targets(self, commands: FloatArray) -> FloatArray:
         """Go on by a step, and say where the joints should be.
 
         Args:
             commands: Speeds ahead and to the left [m/s] and yaw rates [rad/s], shape (n, 3).
-            surplus: By how much the bodies are faster than told, ahead and to the left [m/s], shape (n, 2).
 
         Returns:
             Angles of roll, pitch and knee of each leg in the order of `LEGS` [rad], shape (n, 12).
         """
-        _trot(self._gait, commands, surplus, self._targets, self._step_s, self._numbers)
+        _trot(self._gait, commands, self._targets, self._step_s, self._numbers)
         return self._targets
 
 
@@ -161,12 +152,11 @@ def _swung(share: float, begin: float, end: float, slope: float) -> float:
 def _trot(
     gait: _Gait,
     commands: FloatArray,
-    surplus: FloatArray,
     targets: FloatArray,
     step: float,
     numbers: _Numbers,
 ) -> None:
-    link, side, place_x, place_y, height, lift, frequency, speed_gain, yaw_gain, ahead, aside = numbers
+    link, side, place_x, place_y, height, lift, frequency, speed_gain, yaw_gain = numbers
     phases, idle, feet, left = gait
     stand_s = _DUTY / frequency
     for i in range(len(phases)):
@@ -195,8 +185,8 @@ def _trot(
                 else:
                     share = (own - _DUTY) / (1.0 - _DUTY)
                     up = lift * math.sin(math.pi * share)
-                    to_x = 0.5 * stand_s * floor_x + ahead * surplus[i, 0]
-                    to_y = 0.5 * stand_s * floor_y + aside * surplus[i, 1]
+                    to_x = 0.5 * stand_s * floor_x
+                    to_y = 0.5 * stand_s * floor_y
                     foot[0] = _swung(share, from_x, to_x, -floor_x * stand_s)
                     foot[1] = _swung(share, from_y, to_y, -floor_y * stand_s)
             down, out = height - up, _SIDES[leg] * side

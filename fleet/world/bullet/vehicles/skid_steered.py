@@ -5,41 +5,40 @@ from __future__ import annotations
 import numpy as np
 
 from fleet.arrays import FloatArray
-from fleet.robots.twist.husky import ROLLERS, SKID, WHEEL_RADIUS_M, husky_urdf
+from fleet.robots.twist.spec import SkidChassis
 from fleet.world.bullet.engine import groups
 from fleet.world.bullet.engine.client import Client
 from fleet.world.bullet.engine.frames import quaternion
 from fleet.world.bullet.vehicles.floor import planar
 
-_DRIVE_NM = 60.0
-"""Torque of a side: 2.5 m/s^2 with a full load needs 15 N m."""
-
 
 class SkidSteered:
-    """Huskies in an engine.
+    """Skid-steered robots of one model in an engine.
 
     Args:
         client: Connection.
+        chassis: What they are built of.
         start: Poses x, y, yaw, shape (n, 3).
     """
 
-    def __init__(self, client: Client, start: FloatArray) -> None:
-        self._client = client
+    def __init__(self, client: Client, chassis: SkidChassis, start: FloatArray) -> None:
+        self._client, self._chassis = client, chassis
         self.bodies: list[int] = []
         self._sent = np.full((len(start), 2), np.nan)
         for pose in start:
             x, y, yaw = (float(number) for number in pose)
             body = client.load_urdf(
-                husky_urdf(),
+                chassis.description,
                 basePosition=(x, y, 0.0),
                 baseOrientation=quaternion(yaw),
                 flags=client.URDF_USE_INERTIA_FROM_FILE,
             )
             self.bodies.append(body)
             names = {client.getJointInfo(body, j)[1].decode(): j for j in range(client.getNumJoints(body))}
-            self._rollers = [names[f"{roller}_spin"] for roller in ROLLERS]
+            self._rollers = [names[f"{roller}_spin"] for roller in chassis.rollers]
             self._com = np.array(client.getDynamicsInfo(body, -1)[3])
-            for link in (*self._rollers, names["supports_fixed"]):
+            links = {client.getJointInfo(body, j)[12].decode(): j for j in range(client.getNumJoints(body))}
+            for link in (links[name] for name in (*chassis.rollers, *chassis.supports)):
                 client.setCollisionFilterGroupMask(body, link, groups.MOVING, groups.WHEELS_MASK)
 
     def drive(self, commands: FloatArray) -> None:
@@ -48,8 +47,8 @@ class SkidSteered:
         Args:
             commands: Speeds [m/s] and yaw rates [rad/s], within the limits, shape (n, 2).
         """
-        spins = SKID.contacts(SKID.rims(commands)) / WHEEL_RADIUS_M
-        client = self._client
+        chassis, client = self._chassis, self._client
+        spins = chassis.skid.contacts(chassis.skid.rims(commands)) / chassis.radius_m
         for k, body in enumerate(self.bodies):
             if (commands[k] == self._sent[k]).all():
                 continue
@@ -59,7 +58,7 @@ class SkidSteered:
                 self._rollers,
                 client.VELOCITY_CONTROL,
                 targetVelocities=spins[k].tolist(),
-                forces=[_DRIVE_NM] * len(ROLLERS),
+                forces=[chassis.torque_nm] * len(self._rollers),
             )
 
     def before_step(self) -> None:

@@ -109,7 +109,7 @@ def feet(targets: np.ndarray) -> np.ndarray:
 
 def test_a_robot_that_is_told_nothing_stands() -> None:
     trot = Trot(TROT, 1, 1 / 120)
-    targets = trot.joint_targets(np.zeros((1, 3)), np.zeros((1, 2)))
+    targets = trot.joint_targets(np.zeros((1, 3)))
     np.testing.assert_allclose(targets[0], standing_angles(TROT))
 
 
@@ -119,7 +119,7 @@ def test_feet_that_stand_move_with_the_floor_and_two_always_stand(command: list[
     told = np.array([command])
     before = None
     for tick in range(240):
-        now = feet(trot.joint_targets(told, np.zeros((1, 2)))[0])
+        now = feet(trot.joint_targets(told)[0])
         standing = now[:, 2] < -TROT.height_m + 1e-6
         assert standing.sum() in (2, 4)
         if before is not None and tick > 120:
@@ -136,9 +136,9 @@ def test_feet_that_stand_move_with_the_floor_and_two_always_stand(command: list[
 def test_a_robot_that_is_told_to_stand_brings_its_feet_home() -> None:
     trot = Trot(TROT, 1, 1 / 120)
     for _ in range(100):
-        trot.joint_targets(np.array([[0.4, 0.0, 0.2]]), np.zeros((1, 2)))
+        trot.joint_targets(np.array([[0.4, 0.0, 0.2]]))
     for _ in range(90):
-        targets = trot.joint_targets(np.zeros((1, 3)), np.zeros((1, 2)))
+        targets = trot.joint_targets(np.zeros((1, 3)))
     np.testing.assert_allclose(feet(targets[0])[:, 2], -TROT.height_m, atol=1e-9)
     np.testing.assert_allclose(feet(targets[0])[:, :2], 0.0, atol=0.01)
 
