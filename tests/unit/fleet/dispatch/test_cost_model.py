@@ -120,6 +120,13 @@ def test_a_car_must_carry_the_weight_and_have_what_is_needed() -> None:
     assert verdicts(priced(floor, "a")) == expected  # is remembered
 
 
+def test_a_slow_car_is_later_at_both_ends() -> None:
+    """Car 0 needs 11 s instead of 5.5 s to the pick station, and 12.1 s more from there on."""
+    abilities = [Ability(max_payload_kg=1.0, slowness=2.0), Ability(max_payload_kg=1.0)]
+    costs = priced(Floor(orders=[delivery("a")], abilities=abilities), "a")
+    assert costs.cost_s[:, 0] == pytest.approx([11.0 + 12.1, 11.0])
+
+
 def test_a_car_that_did_not_get_there_comes_last() -> None:
     floor = Floor(orders=[delivery("a")])
     floor.task("a").shunned.add(0)

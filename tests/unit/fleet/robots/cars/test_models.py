@@ -33,12 +33,15 @@ def test_an_unknown_model_is_refused_with_its_car() -> None:
         CarModels.named([USUAL.name, "hippo"])
 
 
-def test_the_hull_is_as_large_as_the_largest_and_turns_as_wide_as_the_widest() -> None:
+def test_the_hull_is_as_large_as_the_largest() -> None:
     long = replace(USUAL, front_m=0.6)
     models = CarModels(kinds=(long, HAULER), kind_of=np.array([0, 1]))
     assert (models.hull.front_m, models.hull.half_width_m) == (0.6, 0.22)
-    footprint = models.footprint
-    assert footprint is not None
-    assert footprint.front_m == 0.6
-    assert footprint.turn_radius_m == pytest.approx(max(0.325, 0.38) / np.tan(0.8))
-    assert CarModels.alike(USUAL, 3).footprint is None
+    assert CarModels.alike(USUAL, 3).hull is USUAL
+
+
+def test_a_footprint_is_the_body_and_the_circle_at_the_lock_of_the_steering() -> None:
+    footprint = HAULER.footprint
+    assert (footprint.front_m, footprint.half_width_m) == (0.55, 0.22)
+    assert footprint.rear_m == pytest.approx(0.07)
+    assert footprint.turn_radius_m == pytest.approx(0.38 / np.tan(0.8))
