@@ -28,7 +28,7 @@ CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 MOST_S = 400.0
 """Wall time that painting in software may take on a busy machine [s]."""
 LEAST = 0.0002
-"""Share of the page that has the colour of an arm's joints when there are arms; in a picture of the demo it was 0.0005."""
+"""Share of the page with the colour of an arm's joints when there are arms: of the demo's it was 0.0005."""
 ORANGE = ((200, 60, 0), (255, 120, 40))
 """Of the arms' joints: least and greatest red, green and blue."""
 
