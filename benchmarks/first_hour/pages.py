@@ -86,7 +86,7 @@ def measure_pages(trial: Trial, newcomer: Newcomer) -> Iterable[Row]:
         text = next(block.text for block in blocks if block.marks.get("file") == chapter.file)
         (newcomer.desk / chapter.file).write_text(text, encoding="utf-8")
         took = []
-        for line in _lines(blocks, chapter):
+        for line in typed_lines(blocks, chapter):
             took.append(newcomer.calls(line))
             trial.check(took[-1].status == 0, f"{chapter.title}: {took[-1].told}")
         yield from _taken(chapter.title, took, target=f"<= {MOST_S:g}")
@@ -95,7 +95,7 @@ def measure_pages(trial: Trial, newcomer: Newcomer) -> Iterable[Row]:
             yield Row(name=name, value=code_lines(text), unit="lines", target=f"<= {MOST_LINES}")
 
 
-def _lines(blocks: Iterable[Block], chapter: Chapter) -> Iterator[str]:
+def typed_lines(blocks: Iterable[Block], chapter: Chapter) -> Iterator[str]:
     """The lines of a chapter as they are typed where the wheel is installed."""
     typed = [line.partition(" #")[0].strip() for block in blocks for line in block.text.splitlines()]
     for command in chapter.commands:

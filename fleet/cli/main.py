@@ -231,6 +231,8 @@ def main(arguments: Sequence[str] | None = None, *, prog: str = "") -> None:
     is_program = arguments is None or bool(prog)
     prog = prog or ("fleet" if Path(sys.argv[0]).stem == "fleet" else "python -m fleet")
     words = list(sys.argv[1:] if arguments is None else arguments)
+    if is_program and "" not in sys.path and not sys.flags.safe_path:
+        sys.path.append("")  # a planner of one's own stands where one is; `python -m` looks there, a script does not
     if threading.current_thread() is threading.main_thread() and signal.getsignal(signal.SIGINT) is signal.SIG_DFL:
         signal.signal(signal.SIGINT, signal.default_int_handler)
     try:

@@ -1,6 +1,9 @@
 """Task allocation: an allocator of one's own is checked, and what an allocator has to say is heard."""
 
+import os
+import subprocess
 import sys
+from pathlib import Path
 from types import ModuleType
 
 import numpy as np
@@ -55,3 +58,23 @@ def test_a_remark_is_logged_once(monkeypatch: pytest.MonkeyPatch) -> None:
         assert simulation.summary().tasks_done == 6
     (event,) = [event for event in log if event.kind == "allocator_note"]
     assert event.facts == {"allocator": "own_allocators.Talker", "note": "a remark"}
+
+
+def test_the_command_finds_what_stands_where_one_is(tmp_path: Path, repository: Path) -> None:
+    # As pip writes it into a folder of programs: Python looks there for modules, and not where one is.
+    programs, desk = tmp_path / "bin", tmp_path / "desk"
+    programs.mkdir()
+    desk.mkdir()
+    (programs / "fleet").write_text("from fleet.cli.main import main\n\nmain()\n", encoding="utf-8")
+    (desk / "own_file.py").write_text("class Mine:\n    pass\n", encoding="utf-8")
+    done = subprocess.run(
+        [sys.executable, str(programs / "fleet"), "demo", "--allocator", "own_file.Yours", "--fidelity", "grid"],
+        cwd=desk,
+        env=os.environ | {"PYTHONPATH": str(repository)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 2
+    assert "No module named" not in done.stderr
+    assert "own_file" in done.stderr
