@@ -68,13 +68,13 @@ demo: $(STAMP) ## Three cars and the arms of a site deliver parcels; ARGS adds o
 	@$(BIN)/python -m fleet.demo --robots 3 $(ARGS)
 
 test: $(STAMP) ## The tests, but those of whole runs and pages and the slow ones.
-	@$(BIN)/python -m pytest -q -m "not slow and not long" -n $(JOBS) --dist loadfile $(ARGS)
+	@$(BIN)/python -m pytest -q -m "not slow and not long and not interop" -n $(JOBS) --dist loadfile $(ARGS)
 
 test-long: $(STAMP) ## The tests of whole runs, of the pages of the guide and of the benchmarks.
-	@$(BIN)/python -m pytest -q -m "long and not slow" -n $(JOBS) --dist loadfile $(ARGS)
+	@$(BIN)/python -m pytest -q -m "long and not slow and not interop" -n $(JOBS) --dist loadfile $(ARGS)
 
-test-all: $(STAMP) ## All tests.
-	@$(BIN)/python -m pytest -q -n $(JOBS) --dist loadfile $(ARGS)
+test-all: $(STAMP) ## All tests, but for those with foreign partners.
+	@$(BIN)/python -m pytest -q -m "not interop" -n $(JOBS) --dist loadfile $(ARGS)
 
 notebooks: $(STAMP) ## Run all notebooks and write them as pages into build/notebooks; ARGS names some.
 	@$(BIN)/python -m notebooks $(ARGS)

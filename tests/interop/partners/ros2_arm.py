@@ -72,6 +72,7 @@ motion = JointTrajectory(joint_names=names)
 for second, share in ((1, 0.5), (2, 0.0)):
     goal = [start[name] + share * (target.get(name, start[name]) - start[name]) for name in names]
     motion.points.append(JointTrajectoryPoint(positions=goal, time_from_start=Duration(sec=second)))
+wait(lambda: False, 2.0)  # topics keep no order among them: a target that is still under way would count as newer
 motions.publish(motion)
 result["followed"] = bool(wait(lambda: error(start) < 0.01))
 targets.publish(JointState(name=["joint_2"], position=[9.0]))
