@@ -16,7 +16,7 @@ from fleet.recording import DrawnFloor, Frame, Header, LogLine, Recorder, RerunR
 from fleet.run.events import Event
 from fleet.run.view import RunView
 from fleet.sensors.lidar import Lidar, LidarRing
-from fleet.session.delays import Delays, delay_names
+from fleet.session.delays import DelayWatch, delay_names
 from fleet.tasks.board import DONE_STATES, UNDER_WAY, TaskState
 
 COUNTED = {
@@ -150,7 +150,7 @@ class Watch:
         self._recorder = recorder
         car = run.scene.car
         self._lidar = LidarRing(Lidar(), car.front_m, car.rear_m, car.half_width_m) if lidar else None
-        self._delays = Delays(run)
+        self._delays = DelayWatch(run)
         self._internals = internals
         if internals:
             run.arm_manager.keep_trees()
