@@ -1,4 +1,4 @@
-"""Delays: how much later cars come to where they were sent than they could have."""
+"""DelayWatch: how much later cars come to where they were sent than they could have."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def delay_names(n_cars: int) -> tuple[str, ...]:
     return tuple(f"car_{car}" for car in range(n_cars)) if n_cars <= EACH_CAR else (MEAN, MOST)
 
 
-class Delays:
+class DelayWatch:
     """The delay of each car on the way to its goal, as an observer sees it.
 
     When a car is sent somewhere it is due after a second for each move of the shortest way, which is what plans hold to

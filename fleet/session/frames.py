@@ -16,7 +16,7 @@ from fleet.recording import DrawnFloor, Frame, Header, LogLine, Recorder, RerunR
 from fleet.run.events import Event
 from fleet.run.view import RunView
 from fleet.sensors.lidar import Lidar, LidarRing
-from fleet.session.delays import Delays, delay_names
+from fleet.session.delays import DelayWatch, delay_names
 from fleet.tasks.board import DONE_STATES, UNDER_WAY, TaskState
 
 COUNTED = {
@@ -153,7 +153,7 @@ class Watch:
             (np.flatnonzero(models.kind_of == kind), LidarRing(Lidar(), car.front_m, car.rear_m, car.half_width_m))
             for kind, car in enumerate(models.kinds if lidar else ())
         ]
-        self._delays = Delays(run)
+        self._delays = DelayWatch(run)
         self._internals = internals
         if internals:
             run.arm_manager.keep_trees()

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fleet.config import Fidelity, RunConfig
-from fleet.session.delays import EACH_CAR, MEAN, MOST, Delays, delay_names
+from fleet.session.delays import EACH_CAR, MEAN, MOST, DelayWatch, delay_names
 from fleet.simulation import Simulation
 from fleet.traffic.replanning import MOVE_S, NO_GOAL
 
@@ -14,14 +14,14 @@ def one_car() -> Simulation:
     return Simulation(RunConfig(site="cell", robots=1, tasks=2, fidelity=Fidelity.GRID))
 
 
-def look(delays: Delays, simulation: Simulation) -> float:
+def look(delays: DelayWatch, simulation: Simulation) -> float:
     (delay_s,) = delays.look(simulation.view.driver.remaining_lines())
     return float(delay_s)
 
 
 def test_a_car_alone_comes_as_early_as_it_can() -> None:
     with one_car() as simulation:
-        delays, seen = Delays(simulation.view), []
+        delays, seen = DelayWatch(simulation.view), []
         while not simulation.finished:
             simulation.tick()
             seen.append(look(delays, simulation))
@@ -33,7 +33,7 @@ def test_a_car_alone_comes_as_early_as_it_can() -> None:
 
 def test_a_car_that_is_stopped_is_late_by_that_time() -> None:
     with one_car() as simulation:
-        delays = Delays(simulation.view)
+        delays = DelayWatch(simulation.view)
         while not look(delays, simulation) >= 0.0 or simulation.sim_s < 2.0:
             simulation.tick()
         before, goal = look(delays, simulation), int(simulation.view.traffic.goals[0])
@@ -48,7 +48,7 @@ def test_a_car_that_is_stopped_is_late_by_that_time() -> None:
 
 def test_a_new_goal_begins_with_no_delay_and_an_arrival_ends_it() -> None:
     with one_car() as simulation:
-        delays, goal, n_goals, arrived = Delays(simulation.view), NO_GOAL, 0, False
+        delays, goal, n_goals, arrived = DelayWatch(simulation.view), NO_GOAL, 0, False
         while not simulation.finished:
             simulation.tick()
             delay_s, now = look(delays, simulation), int(simulation.view.traffic.goals[0])
@@ -64,7 +64,7 @@ def test_a_fleet_without_room_for_a_line_each_has_mean_and_most() -> None:
     assert delay_names(2) == ("car_0", "car_1")
     assert delay_names(EACH_CAR + 1) == (MEAN, MOST)
     with Simulation(RunConfig(site="medium", robots=EACH_CAR + 1, tasks=40, fidelity=Fidelity.GRID)) as simulation:
-        delays = Delays(simulation.view)
+        delays = DelayWatch(simulation.view)
         for _ in range(200):
             simulation.tick()
             figures = delays.figures(simulation.view.driver.remaining_lines())
