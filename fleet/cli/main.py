@@ -204,7 +204,7 @@ YARD_COMMANDS = {
     ),
     "demo": Command(
         "yard.demo.YardDemo",
-        "Let racecars deliver between spots of a yard, over a floor without lanes; prints a table.",
+        "Let cars deliver between spots of a yard, over a floor without lanes; prints a table.",
     ),
 }
 GROUPS = {

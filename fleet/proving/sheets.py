@@ -13,8 +13,7 @@ from xml.etree import ElementTree
 from fleet.errors import ConfigError
 from fleet.robots import ARMS, CARS
 from fleet.robots.standing import STANDING, StandingRobot
-from fleet.robots.twist.a1 import a1_spec
-from fleet.robots.twist.husky import husky_spec
+from fleet.robots.twist import TWIST_ROBOTS
 from fleet.robots.twist.spec import TwistSpec
 from maps.reading.near import hint
 
@@ -77,39 +76,23 @@ def _figure(field: str, value: float, source: str) -> SheetFigure:
     return SheetFigure(name=words.replace("_", " "), value=f"{value:.4g} {_UNITS[unit]}", source=source)
 
 
-def _racecar() -> RobotSheet:
-    spec = CARS["racecar"].spec()
-    description = "racecar/racecar.urdf in pybullet_data, the MIT RACECAR"
-    measured = "measured here; see the docstring of `racecar_spec`"
-    sources = {
-        "mass_kg": f"{description}, lidar and our tray",
-        "max_payload_kg": "chosen here: the heaviest parcel that an order may have",
-        "wheelbase_m": description,
-        "track_m": description,
-        "wheel_radius_m": description,
-        "front_m": "the box about chassis, wheels and bumpers",
-        "rear_m": "the same box",
-        "half_width_m": "the same box",
-        "height_m": "top of our tray",
-        "max_speed_mps": measured,
-        "max_accel_mps2": measured,
-        "max_brake_mps2": measured,
-        "max_steering_rad": f"stops of the hinges in {description}, less a margin",
-        "max_steering_rate_radps": "a hobby servo, 0.17 s for 60 degrees, derated by a third",
-    }
+def _car(name: str) -> RobotSheet:
+    entry = CARS[name]
+    spec = entry.spec()
     return RobotSheet(
-        name="racecar",
+        name=name,
         kind="vehicle",
-        drive="ackermann",
+        drive=spec.drive,
         footprint=_box(spec.front_m + spec.rear_m, 2 * spec.half_width_m, spec.height_m),
         mass_kg=spec.mass_kg,
         payload_kg=spec.max_payload_kg,
         limits=f"{spec.max_speed_mps:g} m/s, steering {spec.max_steering_rad:g} rad",
-        figures=tuple(_figure(field, getattr(spec, field), source) for field, source in sources.items()),
+        figures=tuple(_figure(field, getattr(spec, field), source) for field, source in entry.sources.items()),
     )
 
 
-def _twist(spec: TwistSpec) -> RobotSheet:
+def _twist(make: Callable[[], TwistSpec]) -> RobotSheet:
+    spec = make()
     limits = {field.name: getattr(spec.limits, field.name) for field in fields(spec.limits)}
     numbers = {**vars(spec), **limits}
     return RobotSheet(
@@ -129,31 +112,10 @@ def turning_radps(spec: TwistSpec) -> float:
     return min(spec.limits.max_yaw_rate_radps, spec.limits.max_rim_mps / spec.limits.lever_m)
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Arm:
-    """What no description says of an arm."""
-
-    kind: str
-    """Name in `ARMS`."""
-    payload_kg: float
-    reach_m: float
-    source: str
-
-
-_ARMS = {
-    "iiwa": _Arm(kind="iiwa", payload_kg=14.0, reach_m=0.82, source="KUKA, LBR iiwa data sheet, LBR iiwa 14 R820"),
-    "panda": _Arm(kind="panda", payload_kg=3.0, reach_m=0.855, source="Franka Emika, Panda data sheet"),
-    "xarm6": _Arm(kind="xarm", payload_kg=5.0, reach_m=0.7, source="UFACTORY, xArm 6 user manual"),
-}
-
-
-def arm_name(name: str) -> str:
-    """The name in `ARMS` of a robot of the table."""
-    return _ARMS[name].kind
-
-
 def _arm(name: str) -> RobotSheet:
-    told, kind = _ARMS[name], ARMS[_ARMS[name].kind]
+    kind = ARMS[name]
+    least_m, most_m = kind.reach_m
+    reach = f"{least_m:g} to {most_m:g}"
     mass = described_mass_kg(kind.urdf)
     described = f"{kind.urdf.parent.name}/{kind.urdf.name} in pybullet_data"
     speeds, torques = kind.max_velocity_radps, kind.max_torque_nm
@@ -161,23 +123,23 @@ def _arm(name: str) -> RobotSheet:
     figures = (
         SheetFigure(name="joints", value=str(n), source=described),
         SheetFigure(name="mass", value=f"{mass:.4g} kg", source=described),
-        SheetFigure(name="max payload", value=f"{told.payload_kg:g} kg", source=told.source),
-        SheetFigure(name="reach", value=f"{told.reach_m:g} m", source=told.source),
-        SheetFigure(name="max speed", value=_range(speeds, "rad/s"), source=told.source),
+        SheetFigure(name="max payload", value=f"{kind.payload_kg:g} kg", source=kind.source),
+        SheetFigure(name="serves from above", value=f"{reach} m away", source="searched here, with a tool"),
+        SheetFigure(name="max speed", value=_range(speeds, "rad/s"), source=kind.source),
         SheetFigure(
             name="max acceleration",
             value=_range(kind.max_acceleration_radps2, "rad/s²"),
-            source="see its file in `fleet.robots.arms`",
+            source=kind.source,
         ),
-        SheetFigure(name="max torque", value=_range(torques, "N m"), source=told.source),
+        SheetFigure(name="max torque", value=_range(torques, "N m"), source=kind.source),
     )
     return RobotSheet(
         name=name,
         kind="arm",
         drive=f"{n} joints",
-        footprint=f"reach {told.reach_m:g}",
+        footprint=f"serves {reach}",
         mass_kg=mass,
-        payload_kg=told.payload_kg,
+        payload_kg=kind.payload_kg,
         limits=_range(speeds, "rad/s"),
         figures=figures,
     )
@@ -229,10 +191,9 @@ def _box(length: float, width: float, height: float) -> str:
 
 
 SHEETS: dict[str, Callable[[], RobotSheet]] = {
-    "racecar": _racecar,
-    "husky": lambda: _twist(husky_spec()),
-    "a1": lambda: _twist(a1_spec()),
-    **{name: partial(_arm, name) for name in _ARMS},
+    **{name: partial(_car, name) for name in CARS},
+    **{name: partial(_twist, spec) for name, spec in TWIST_ROBOTS.items()},
+    **{name: partial(_arm, name) for name in ARMS},
     **{name: partial(_stands, robot) for name, robot in STANDING.items()},
 }
 """A sheet of every robot, by name."""

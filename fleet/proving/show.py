@@ -11,7 +11,7 @@ import numpy.typing as npt
 from fleet.errors import ConfigError
 from fleet.proving.course import LANES, Course
 from fleet.proving.joint_loop import JointLoop
-from fleet.proving.sheets import RobotSheet, arm_name
+from fleet.proving.sheets import RobotSheet
 from fleet.proving.trial import TrialReport, drive, yaw_rate_error
 from fleet.proving.vehicles import VEHICLES, PhysicalVehicle, VehicleControl
 from fleet.robots.standing import STANDING
@@ -120,7 +120,7 @@ def arrivals_apart(one: TrialReport, other: TrialReport) -> float:
 
 
 def _arm(name: str) -> Shown:
-    loop = JointLoop(arm_name(name))
+    loop = JointLoop(name)
     try:
         picture = portrait(loop.bench.client, loop.bench.body)
         report = loop.run()

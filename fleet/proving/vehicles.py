@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Protocol
 
 import numpy as np
@@ -169,10 +170,10 @@ class KinematicTwist:
 
 
 class PhysicalCar:
-    """The racecar in an engine; see `PhysicalTwist`."""
+    """A car of `CARS` in an engine; see `PhysicalTwist`."""
 
-    def __init__(self, load_kg: float, friction: float, rng: np.random.Generator) -> None:
-        entry = CARS["racecar"]
+    def __init__(self, name: str, load_kg: float, friction: float, rng: np.random.Generator) -> None:
+        entry = CARS[name]
         self._floor = floor = BareFloor(friction=friction)
         spec = entry.spec()
         self._n_steps = round(TICK_S / floor.step_s)
@@ -207,10 +208,10 @@ class PhysicalCar:
 
 
 class KinematicCar:
-    """The kinematic racecar."""
+    """The same car without an engine."""
 
-    def __init__(self) -> None:
-        spec = CARS["racecar"].spec()
+    def __init__(self, name: str) -> None:
+        spec = CARS[name].spec()
         self._cars = BicycleCars(CarModels.alike(spec, 1), np.zeros((1, 3)), TICK_S, TICK_S / 2, TYRE_GRIP_MPS2)
         self._wheelbase_m = spec.wheelbase_m
 
@@ -275,10 +276,10 @@ class TwistControl:
 
 
 class CarControl:
-    """Follower and estimate of one racecar, as in the fleet."""
+    """Follower and estimate of one car, as in the fleet."""
 
-    def __init__(self, rng: np.random.Generator) -> None:
-        self._spec = spec = CARS["racecar"].spec()
+    def __init__(self, name: str, rng: np.random.Generator) -> None:
+        self._spec = spec = CARS[name].spec()
         self._follower = Follower(CarModels.alike(spec, 1), TICK_S)
         self._estimator = PoseEstimator(CarModels.alike(spec, 1), TICK_S, rng=rng)
 
@@ -320,15 +321,19 @@ def _twist(
     )
 
 
-VEHICLES: dict[str, ProvenVehicle] = {
-    "racecar": ProvenVehicle(
-        physics=PhysicalCar,
-        kinematic=KinematicCar,
-        control=CarControl,
+def _car(name: str) -> ProvenVehicle:
+    return ProvenVehicle(
+        physics=partial(PhysicalCar, name),
+        kinematic=partial(KinematicCar, name),
+        control=partial(CarControl, name),
         course=CURVES,
         cross_track_m=0.03,
         steady=(),
-    ),
+    )
+
+
+VEHICLES: dict[str, ProvenVehicle] = {
+    **{name: _car(name) for name in CARS},
     "husky": _twist(husky_spec(), TwistFollowerConfig(), 0.03, ((0.0, 1.0), (0.0, -1.5), (0.49, 0.98), (0.6, -0.6))),
     "a1": _twist(a1_spec(), A1_FOLLOWER, 0.06, ((0.0, 0.5), (0.3, 0.4), (0.4, -0.3))),
 }

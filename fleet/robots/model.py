@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from typing import Literal
 
 from fleet.robots.spec import CarSpec
@@ -18,3 +18,5 @@ class CarEntry:
     spec: Callable[[], CarSpec]
     urdf: Callable[[WheelShape], str]
     """URDF text for one collision shape of the wheels; links and joints are named as `CarSpec` says."""
+    sources: Mapping[str, str] = field(default_factory=dict)
+    """Where numbers of its specification come from, by the names of their fields."""

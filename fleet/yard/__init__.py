@@ -1,1 +1,1 @@
-"""Yard: racecars that deliver over a floor without lanes."""
+"""Yard: cars that deliver over a floor without lanes."""

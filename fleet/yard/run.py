@@ -11,12 +11,12 @@ from fleet.arrays import FloatArray
 from fleet.config import require
 from fleet.world.protocol import World
 from fleet.yard.driver import YardDriver
-from fleet.yard.scene import racecar_shape, yard_scene
+from fleet.yard.scene import car_shape, yard_scene
 from maps.yard import DROP, PICK, Yard
 from planners.open_floor import FloorTraffic, OpenFloorConfig, OpenFloorProblem
 
 TURNING_RADIUS_M = 0.5
-"""To plan with: the racecar can turn tighter, and so has something left to correct with [m]."""
+"""To plan with: the car can turn tighter, and so has something left to correct with [m]."""
 SPEED_MPS, BACKWARDS_MPS = 1.0, 0.5
 _MARGIN_RADII = 0.36
 """Kept between bodies as planned, for what cars drive beside their ways: 18 cm."""
@@ -83,7 +83,7 @@ class YardRun:
         starts = yard.spots[self._at]
         problem = OpenFloorProblem(
             size_m=yard.size_m,
-            car=racecar_shape(TURNING_RADIUS_M),
+            car=car_shape(TURNING_RADIUS_M),
             starts=yard.spots,
             goals=yard.spots,
             discs=yard.pillars,

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from fleet.arrays import FloatArray
-from fleet.robots import CARS, ArmTeam
+from fleet.robots import ArmTeam
 from fleet.robots.cars.models import usual_car
 from fleet.world.scene import Scene, StaticBox
 from maps.yard import Yard
@@ -16,9 +16,9 @@ from planners.open_floor import CarOutline
 _WALL_M, _HEIGHT_M = 0.2, 0.6
 
 
-def racecar_shape(turning_radius_m: float) -> CarOutline:
-    """The body of the racecar, with a turning radius to plan with."""
-    spec = CARS["racecar"].spec()
+def car_shape(turning_radius_m: float) -> CarOutline:
+    """The body of a car, with a turning radius to plan with."""
+    spec = usual_car()
     return CarOutline(
         front_m=spec.front_m,
         rear_m=spec.rear_m,

@@ -278,7 +278,7 @@ def test_every_row_of_the_guide_is_tested(repository: Path) -> None:
     ]
     found = rows(repository)
     assert set(marked) == set(found)
-    assert len(found) == 8
+    assert len(found) == 9
 
 
 def test_every_file_that_the_guide_names_is_there(repository: Path) -> None:

@@ -67,7 +67,7 @@ def refuse(words: list[str], expected: list[str], tmp_path: Path, capsys: pytest
             ["--arms is 'pandda'", "did you mean panda?", "panda, xarm or package.module"],
         ),
         (["--arms", "no_such_module.ARM"], ["--arms is 'no_such_module.ARM'", "No module named", "iiwa"]),
-        (["--arms", "fleet.robots.racecar.HINGES"], ["it is no ArmKind", "iiwa, panda, xarm"]),
+        (["--arms", "fleet.robots.spec.HINGES"], ["it is no ArmKind", "iiwa, panda, xarm"]),
         (["--robots", "0"], ["--robots is 0", "an integer >= 1"]),
         (["--robots", "-3"], ["--robots is -3", "an integer >= 1"]),
         (["--cars", "hippo:2"], ["--cars is 'hippo:2'", "MODEL:NUMBER,... of the models racecar"]),

@@ -1,4 +1,4 @@
-"""The yard demo command: racecars deliver over a floor without lanes."""
+"""The yard demo command: cars deliver over a floor without lanes."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ DONE, TOUCHED = 0, 1
 
 @dataclass(frozen=True, kw_only=True)
 class YardDemo:
-    """Let racecars deliver between spots of a yard, over a floor without lanes; prints a table."""
+    """Let cars deliver between spots of a yard, over a floor without lanes; prints a table."""
 
     yard: str = "depot"
     """A yard that ships, or a file."""

@@ -31,6 +31,7 @@ def _home(base_from_joint: FloatArray, lower: FloatArray, upper: FloatArray, too
 IIWA = ArmKind(
     name="iiwa",
     title="KUKA LBR iiwa 14 R820",
+    source="KUKA, LBR iiwa data sheet, LBR iiwa 14 R820",
     urdf=Path(pybullet_data.getDataPath()) / "kuka_iiwa" / "model.urdf",
     flange="lbr_iiwa_link_7",
     # The housing of the media flange ends 45 mm beyond the frame of the last link.

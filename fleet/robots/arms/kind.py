@@ -71,6 +71,8 @@ class ArmKind:
     touching: tuple[tuple[int, int], ...] = ()
     """Pairs of links whose hulls meet although the links do not, lower first: 0 is the base, i moves with joint i."""
     hand: OwnHand | None = None
+    source: str = "the file of its model"
+    """Where its limits and its payload come from."""
 
     @property
     def n_joints(self) -> int:

@@ -45,6 +45,7 @@ _HAND = OwnHand(
 PANDA = ArmKind(
     name="panda",
     title="Franka Emika Panda",
+    source="Franka Emika, Panda data sheet",
     urdf=Path(pybullet_data.getDataPath()) / "franka_panda" / "panda.urdf",
     flange="panda_link7",
     mount_m=_FLANGE_M,

@@ -19,6 +19,7 @@ _BASE_TURN_RAD = math.radians(225.0)
 XARM = ArmKind(
     name="xarm",
     title="UFACTORY xArm 6",
+    source="UFACTORY, xArm 6 user manual",
     urdf=Path(pybullet_data.getDataPath()) / "xarm" / "xarm6_robot.urdf",
     flange="link6",
     # The frame of the last link lies in the flange's face.

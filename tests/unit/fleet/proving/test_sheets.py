@@ -11,11 +11,12 @@ from fleet.errors import ConfigError
 from fleet.proving.course import CURVES, CURVES_AND_TURNS, LANES, Course
 from fleet.proving.sheets import SHEETS, described_mass_kg, robot_sheet
 from fleet.proving.vehicles import VEHICLES
+from fleet.robots import ARMS
 from fleet.robots.standing import STANDING
 
 
 def test_all_robots_are_there() -> None:
-    assert set(SHEETS) == {"iiwa", "panda", "xarm6", *VEHICLES, *STANDING}
+    assert set(SHEETS) == {*ARMS, *VEHICLES, *STANDING}
 
 
 @pytest.mark.parametrize("name", SHEETS)
