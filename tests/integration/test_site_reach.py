@@ -93,7 +93,7 @@ def test_a_site_with_a_shelf_behind_each_arm_is_accepted_and_runs(tmp_path, caps
 def test_a_slot_out_of_reach_is_refused_with_what_is_in_the_way_and_served_without_it(tmp_path, capsys) -> None:
     site = written(tmp_path / "own.toml", WALL_BEHIND_THE_ARM, LOW_SLOTS)
     words = refused(["site", "check", site, "--no-draw", "--grip", "friction"], capsys)
-    assert words.startswith("station drop_1, grip friction, slot 2: the arm cannot reach it")
+    assert words.startswith("station drop_1, arm iiwa, grip friction, slot 2: the arm cannot reach it")
     assert words.endswith("valid: '_' for the wall at row 5, column 3")
     assert refused(demo(site, tmp_path), capsys) == words
     mended = written(tmp_path / "mended.toml", WALL_BEHIND_THE_ARM.replace("#=##", "#=#_"), LOW_SLOTS)
@@ -108,7 +108,7 @@ def test_check_convert_and_run_refuse_in_the_same_words(tmp_path, capsys, monkey
     # As if a default were wrong: the slots lie as high as the arm's elbow.
     monkeypatch.setattr(maps.stations, "SLOT_TOP_M", 0.8)
     words = refused(["site", "check", str(site), "--no-draw", "--grip", "friction"], capsys)
-    assert words.startswith("station pick_1, grip friction, ")
+    assert words.startswith("station pick_1, arm iiwa, grip friction, ")
     assert "valid: " in words
     site.unlink()
     assert refused([*convert, "--grip", "friction"], capsys) == words

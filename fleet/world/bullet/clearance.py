@@ -319,7 +319,8 @@ def _chain(
         c, s = math.cos(q[j]), math.sin(q[j])
         for r in range(3):
             for k in range(4):
-                step[r, k] = pose[r, 0] * t[0, k] + pose[r, 1] * t[1, k] + pose[r, 2] * t[2, k] + pose[r, 3] * t[3, k]
+                step[r, k] = pose[r, 0] * t[0, k] + pose[r, 1] * t[1, k] + pose[r, 2] * t[2, k]
+            step[r, 3] += pose[r, 3]
         for r in range(3):
             points[2 * j, r] = (pose[r, 3] + step[r, 3]) / 2
             points[2 * j + 1, r] = step[r, 3]

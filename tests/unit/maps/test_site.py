@@ -88,7 +88,7 @@ def test_unknown_site_lists_the_names():
             "plan = '''\n.\n'''\ncolour = 1",
             "colour is not a known entry; valid: one of name, allow_reverse, plan",
         ),
-        ("plan = '.'\n[stations.pick_1]\narm = 1", "stations.pick_1.arm is not a known entry"),
+        ("plan = '.'\n[stations.pick_1]\narm = 1", "stations.pick_1.arm is 1"),
         ("plan = '.'\n[stations.pick_1]\nstop_offset_m = -0.1", "stations.pick_1.stop_offset_m is -0.1"),
         ("plan = '.'\n[stations.pick_1]\narm_xy = [nan, 1.0]", "arm_xy"),
         ("plan = ''", "plan is empty"),

@@ -29,7 +29,7 @@ def taken(run: Simulation, *, trusted: bool = False) -> None:
 
 
 def turned(run: Simulation, by_rad: float = 0.3) -> FloatArray:
-    return turn(run.scene.arm.home_rad, 6, by_rad)
+    return turn(run.scene.arms.specs[0].home_rad, 6, by_rad)
 
 
 def turn(q: FloatArray, joint: int, by_rad: float) -> FloatArray:
@@ -40,7 +40,7 @@ def turn(q: FloatArray, joint: int, by_rad: float) -> FloatArray:
 
 def test_an_arm_goes_to_its_target_inside_its_limits_and_comes_home(run: Simulation) -> None:
     taken(run)
-    goal, spec = turned(run), run.scene.arm
+    goal, spec = turned(run), run.scene.arms.specs[0]
     run.remote.arms.aim(0, goal)
     q = [run.arm_manager.q[0].copy()]
     for _ in range(120):
@@ -100,7 +100,7 @@ def test_the_station_waits_while_its_arm_is_in_other_hands(run: Simulation) -> N
 def test_a_motion_that_cannot_be_is_refused_by_name(run: Simulation, times, change, words: str) -> None:
     taken(run)
     with pytest.raises(RemoteError, match=words):
-        run.remote.arms.follow(0, times, [change(run.scene.arm.home_rad)])
+        run.remote.arms.follow(0, times, [change(run.scene.arms.specs[0].home_rad)])
 
 
 def test_an_arm_that_would_come_down_over_a_lane_is_stopped_unless_it_is_trusted(run: Simulation) -> None:
@@ -119,4 +119,4 @@ def test_an_arm_that_would_come_down_over_a_lane_is_stopped_unless_it_is_trusted
 
 def test_an_arm_that_was_not_taken_is_the_fleets(run: Simulation) -> None:
     with pytest.raises(RemoteError, match="arm_0 is in the hands of the fleet"):
-        run.remote.arms.aim(0, run.scene.arm.home_rad)
+        run.remote.arms.aim(0, run.scene.arms.specs[0].home_rad)
