@@ -43,13 +43,12 @@ def set_apart(
         bodies: What cars look like.
         boxes: What stands on the floor.
     """
-    shift, length, width, _ = bodies
+    shift, length, width, _, circles, _ = bodies
     for _ in range(N_PASSES):
         for i in range(len(poses)):
             xi, yi, ci, si = _frame(poses, i, shift[i])
-            circle = math.hypot(length[i], width[i])
             for j in range(i + 1, len(poses)):
-                near = circle + math.hypot(length[j], width[j])
+                near = circles[i] + circles[j]
                 # Rear axles are further apart than middles by both shifts at most.
                 if abs(poses[i, 0] - poses[j, 0]) > near + abs(shift[i]) + abs(shift[j]):
                     continue
@@ -97,7 +96,7 @@ def shove(
 @njit(cache=True)
 def _deepest(poses: FloatArray, car: int, bodies: Body, boxes: FloatArray) -> float:  # pragma: no cover - compiled
     """How deep a car is in other cars or boxes, at most; negative if it touches nothing [m]."""
-    shift, lengths, widths, _ = bodies
+    shift, lengths, widths, _, _, _ = bodies
     length, width = lengths[car], widths[car]
     x, y, cos, sin = _frame(poses, car, shift[car])
     deepest = -math.inf
@@ -162,8 +161,7 @@ def _leave_boxes(
 ) -> None:  # pragma: no cover - compiled
     """Push one car out of the boxes in its bins."""
     boxes, _, bin_ptr, bin_box, n_x, n_y = bins
-    length, width = bodies.length[car], bodies.width[car]
-    circle = math.hypot(length, width)
+    length, width, circle = bodies.length[car], bodies.width[car], bodies.circle[car]
     x, y, cos, sin = _frame(poses, car, bodies.shift[car])
     x0, x1 = max(int((x - circle) / BIN_M), 0), min(int((x + circle) / BIN_M), n_x - 1)
     y0, y1 = max(int((y - circle) / BIN_M), 0), min(int((y + circle) / BIN_M), n_y - 1)

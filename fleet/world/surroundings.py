@@ -57,12 +57,16 @@ class Surroundings:
         self._fixed = [(*b.centre_m[:2], *b.half_m[:2]) for b in low]
         self._added: dict[int, tuple[float, float, float, float]] = {}
         self._n_bins = (max(1, math.ceil(scene.size_m[0] / BIN_M)), max(1, math.ceil(scene.size_m[1] / BIN_M)))
-        front_m, rear_m = cars.each("front_m"), cars.each("rear_m")
+        front_m, rear_m, half_width_m = cars.each("front_m"), cars.each("rear_m"), cars.each("half_width_m")
+        half_length_m = (front_m + rear_m) / 2
+        circle_m = np.hypot(half_length_m, half_width_m)
         self._bodies = Body(
             shift=(front_m - rear_m) / 2,
-            length=(front_m + rear_m) / 2,
-            width=cars.each("half_width_m"),
+            length=half_length_m,
+            width=half_width_m,
             height=cars.each("height_m"),
+            circle=circle_m,
+            widest=float(circle_m.max(initial=0.0)),
         )
         self._foot_m = scene.arms.foot_m
         n_arms = len(scene.arm_base)
@@ -248,7 +252,7 @@ def _cast(
 
     Source: J. Amanatides, A. Woo, "A fast voxel traversal algorithm for ray tracing", Eurographics 1987.
     """
-    shift, length, width, _ = bodies
+    shift, length, width, _, _, _ = bodies
     boxes, _, bin_ptr, bin_box, n_x, n_y = bins
     frame = np.empty((len(cars), 4))
     for i in range(len(cars)):

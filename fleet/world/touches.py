@@ -30,6 +30,10 @@ class Body(NamedTuple):
     width: FloatArray
     """Half of it."""
     height: FloatArray
+    circle: FloatArray
+    """Radius of the circle round it, as seen from above."""
+    widest: float
+    """The greatest of these, 0 without cars."""
 
 
 class BinnedBoxes(NamedTuple):
@@ -87,7 +91,7 @@ def robots_of(code: int) -> tuple[list[int], list[int]]:
 class Touches:
     """The touches of one tick after the other.
 
-    Body that both rest touch as they did before, and came no closer.
+    Bodies that both rest touch as they did before, and came no closer.
 
     Attributes:
         clearance_m: Smallest clearance of robots so far [m]; infinite until two were compared.
@@ -280,12 +284,9 @@ def _touches(
 ) -> tuple[int, float]:
     """Fill in codes of all pairs that touch now; returns how many, room or not, and the smallest clearance so far."""
     n_codes = _keep(seen, before, codes)
-    circles = np.empty(len(bodies.length))
-    for car in range(len(circles)):
-        circles[car] = math.hypot(bodies.length[car], bodies.width[car])
-    n_codes, clearance = _cars_near_cars(seen, bodies, circles, clearance, codes, n_codes)
-    n_codes = _cars_in_boxes(seen, bodies, circles, boxes, codes, n_codes)
-    n_codes, clearance = _cars_near_arms(seen, bodies, circles, arms, clearance, codes, n_codes)
+    n_codes, clearance = _cars_near_cars(seen, bodies, clearance, codes, n_codes)
+    n_codes = _cars_in_boxes(seen, bodies, boxes, codes, n_codes)
+    n_codes, clearance = _cars_near_arms(seen, bodies, arms, clearance, codes, n_codes)
     return _arms_in_arms(seen, arms, codes, n_codes), clearance
 
 
@@ -306,19 +307,10 @@ def _keep(seen: _Seen, before: IntArray, codes: IntArray) -> int:
 
 
 @njit(cache=True)
-def _widest(circles: FloatArray) -> float:
-    """The greatest radius of a circle round a body [m], 0 without cars."""
-    return circles.max() if len(circles) else 0.0
-
-
-@njit(cache=True)
-def _cars_near_cars(
-    seen: _Seen, bodies: Body, circles: FloatArray, clearance: float, codes: IntArray, n_codes: int
-) -> tuple[int, float]:
+def _cars_near_cars(seen: _Seen, bodies: Body, clearance: float, codes: IntArray, n_codes: int) -> tuple[int, float]:
     """Compare each car that has moved with those that are near along x."""
     _, frame, by_x, moved, _, _, _ = seen
-    _, length, width, _ = bodies
-    widest = _widest(circles)
+    _, length, width, _, circles, widest = bodies
     for at in range(len(by_x)):
         if not moved[by_x[at]]:
             continue
@@ -346,12 +338,10 @@ def _cars_near_cars(
 
 
 @njit(cache=True)
-def _cars_in_boxes(
-    seen: _Seen, bodies: Body, circles: FloatArray, bins: BinnedBoxes, codes: IntArray, n_codes: int
-) -> int:
+def _cars_in_boxes(seen: _Seen, bodies: Body, bins: BinnedBoxes, codes: IntArray, n_codes: int) -> int:
     """Compare each car that has moved with the boxes in its bins."""
     _, frame, _, moved, _, _, _ = seen
-    _, length, width, _ = bodies
+    _, length, width, _, circles, _ = bodies
     boxes, keys, bin_ptr, bin_box, n_x, n_y = bins
     for i in range(len(frame)):
         if not moved[i]:
@@ -374,13 +364,12 @@ def _cars_in_boxes(
 
 @njit(cache=True)
 def _cars_near_arms(
-    seen: _Seen, bodies: Body, circles: FloatArray, arms: ArmBalls, clearance: float, codes: IntArray, n_codes: int
+    seen: _Seen, bodies: Body, arms: ArmBalls, clearance: float, codes: IntArray, n_codes: int
 ) -> tuple[int, float]:
     """Compare arms that have moved with all cars near them, and the others with cars that have moved."""
     _, frame, by_x, car_moved, _, _, arm_moved = seen
-    _, length, width, height = bodies
+    _, length, width, height, circles, widest = bodies
     spheres, arm_xy, serving, reach = arms
-    widest = _widest(circles)
     moving = by_x[car_moved[by_x]]
     all_x, moving_x = frame[by_x, 0], frame[moving, 0]
     for a in range(len(spheres)):
