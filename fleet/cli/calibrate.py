@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import json
 import math
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
-from rich.console import Console
 from rich.table import Table
 
+from fleet.cli.run_output import plain_console
 from fleet.config import require
 from fleet.errors import ConfigError
 
@@ -62,7 +61,7 @@ class Calibrate:
             replay = MotionReplay(bench, recording, drive, self.frequency)
             if self.out is not None:
                 _check_out(self.out)
-            console = Console(file=sys.stdout, markup=False, emoji=False, highlight=False)
+            console = plain_console()
             console.print(
                 f"{self.trajectory}: {len(recording.t)} rows, {recording.t[-1]:.2f} s, {bench.drive.n} joints; "
                 f"motors: {drive.value}",

@@ -10,7 +10,7 @@ from typing import Annotated
 
 import tyro
 
-from fleet.cli.run_output import exit_status, plain_console, run_table, show_next, show_recording
+from fleet.cli.run_output import exit_status, plain_console, show_run
 from fleet.config import (
     AllocationConfig,
     ArmConfig,
@@ -124,7 +124,6 @@ class Demo:
         """Run and print the result; returns the exit status."""
         # The engine, the planners and their compiled kernels take a second to load: only for runs, not for --help.
         from fleet.bridge.server import BridgeServer
-        from fleet.recording import RECORDING
         from fleet.robots.cars.words import car_configs, read_cars
         from fleet.session import SessionConfig, run_session
 
@@ -179,12 +178,8 @@ class Demo:
             while session.bridge is not None and session.bridge.wants_reset and not result.interrupted:
                 result = run_session(config, session)
         console = plain_console()
-        console.print(run_table({"value": vars(result)}, short=not self.all))
-        if not self.no_record:
-            show_recording(console, self.out / RECORDING, view=self.view)
-        show_next(console, self.out)
-        for line in result.events_not_happened:
-            console.print(f"did not happen: {line}", soft_wrap=True)
+        recorded = not self.no_record
+        show_run(console, result, self.out, recorded=recorded, view=self.view, short=not self.all)
         return exit_status(console, result, self.duration)
 
     def _check(self) -> None:

@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
-from rich.console import Console
 from rich.table import Table
 
+from fleet.cli.run_output import plain_console
 from fleet.config import require
 from fleet.terminal.interrupts import interrupts
 from fleet.terminal.progress_bar import Bar
@@ -89,7 +89,7 @@ class Lorr:
             summary = self._summary(problem, played)
             if self.json is not None:
                 self.json.write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
-        console = Console(file=sys.stdout, markup=False, emoji=False, highlight=False)
+        console = plain_console()
         console.print(_table(summary))
         if played.conflicts:
             worst = played.conflicts[0]

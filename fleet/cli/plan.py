@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import sys
 import time
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -13,8 +12,8 @@ import tyro
 from rich.console import Console
 from rich.progress import Progress, ProgressColumn, Task, TextColumn
 from rich.progress_bar import ProgressBar
-from rich.table import Table
 
+from fleet.cli.run_output import figure_table, plain_console
 from fleet.config import require
 from fleet.config.member_settings import member_settings
 from planners.mapf import ONE_SHOT_PLANNERS, planner_named
@@ -100,7 +99,7 @@ class PlanCommand:
         self._check_output()
         graph = grid_lane_graph(grid, self.motion)
         instance = _instance(graph, starts, goals, allow_rotation=not self.no_rings)
-        console = Console(file=sys.stdout, markup=False, emoji=False, highlight=False)
+        console = plain_console()
         what = f"{len(starts)} robots on {self.map.name}, {grid.free.sum()} free cells"
         how = self.planner if self.begin_with is None else f"{self.begin_with} improved"
         first = None if self.begin_with is None else _plan_of(self.begin_with, grid, instance)
@@ -119,7 +118,7 @@ class PlanCommand:
         cells = np.stack(grid.row_col(graph.state_cell[decision.states]), axis=-1)
         write_paths(self.output, cells)
         verdict = f"{wrong[0].kind} conflict at timestep {wrong[0].timestep}" if wrong else "legal"
-        console.print(_table(instance, decision, tables, elapsed_s, verdict))
+        console.print(figure_table(_figures(instance, decision, tables, elapsed_s, verdict)))
         solved = bool((decision.states[-1] == instance.goals).all())
         held = "the paths" if solved else f"a legal beginning of {len(decision.states) - 1} timesteps"
         console.print(f"{self.output}: {held}", soft_wrap=True)
@@ -223,7 +222,9 @@ def _plan_of(path: Path, grid: GridMap, instance: Instance) -> Plan:
     return decision if at_goals else replace(decision, status=Status.TIMEOUT)
 
 
-def _table(instance: Instance, decision: Plan, tables: DistanceTable, elapsed_s: float, verdict: str) -> Table:
+def _figures(
+    instance: Instance, decision: Plan, tables: DistanceTable, elapsed_s: float, verdict: str
+) -> dict[str, str]:
     """The figures of a plan; costs only of one that is whole."""
     from planners.mapf.metrics import lower_bound, sum_of_costs, sum_of_loss
 
@@ -239,9 +240,4 @@ def _table(instance: Instance, decision: Plan, tables: DistanceTable, elapsed_s:
             "sum of loss / lower bound": f"{loss / least:.3f}" if least else "-",
         }
     rows |= {"time": f"{elapsed_s:.2f} s", "referee": verdict}
-    table = Table(show_header=False)
-    table.add_column("figure")
-    table.add_column("value", justify="right")
-    for name, value in rows.items():
-        table.add_row(name, value)
-    return table
+    return rows

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
 import tyro
-from rich.console import Console
+
+from fleet.cli.run_output import plain_console
 
 WRITTEN = 0
 
@@ -40,7 +40,7 @@ class Report:
         except OSError as error:
             what = f"--out {out}: {error.strerror or error}"
             raise OutputError(f"{what}; valid: a directory that can be written") from error
-        console = Console(file=sys.stdout, markup=False, emoji=False, highlight=False)
+        console = plain_console()
         console.print(f"{run.directory}: {run.title}", soft_wrap=True)
         console.print(f"page: {out / PAGE}", soft_wrap=True)
         console.print(f"tables: {', '.join(f'{name}.csv' for name in tables)} in {out}", soft_wrap=True)

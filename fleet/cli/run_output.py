@@ -120,6 +120,39 @@ def run_table(results: Mapping[str, Mapping[str, Any]], *, change: bool = False,
     return table
 
 
+def figure_table(rows: Mapping[str, str]) -> Table:
+    """Figures below each other, by name."""
+    table = Table(show_header=False)
+    table.add_column("figure")
+    table.add_column("value", justify="right")
+    for name, value in rows.items():
+        table.add_row(name, value)
+    return table
+
+
+def show_run(
+    console: Console, result: Result, out: Path, *, recorded: bool, view: bool = False, short: bool = True
+) -> None:
+    """Say how a run ended, and what there is to look at.
+
+    Args:
+        console: To say it on.
+        result: Of the run.
+        out: Directory of its files.
+        recorded: Whether a recording is among them.
+        view: See `show_recording`.
+        short: See `run_table`.
+    """
+    from fleet.recording import RECORDING
+
+    console.print(run_table({"value": vars(result)}, short=short))
+    if recorded:
+        show_recording(console, out / RECORDING, view=view)
+    show_next(console, out)
+    for line in result.events_not_happened:
+        console.print(f"did not happen: {line}", soft_wrap=True)
+
+
 def show_recording(console: Console, recording: Path, *, view: bool) -> None:
     """Open the viewer on a recording if that is wanted and possible, else say how to look at it."""
     if view and (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY") or sys.platform in ("darwin", "win32")):

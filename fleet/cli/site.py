@@ -38,14 +38,14 @@ class SiteCheck:
 
     def run(self) -> int:
         """Print the report; a bad site raises, also one whose arms cannot serve their stations."""
-        from rich.console import Console
         from rich.table import Table
 
+        from fleet.cli.run_output import plain_console
         from maps.report import check_site, draw_site
         from maps.site import load_site
 
         site = load_site(self.site)
-        console = Console(file=sys.stdout, markup=False, emoji=False, highlight=False)
+        console = plain_console()
         if not self.no_draw:
             sys.stdout.write(draw_site(site) + "\n")
         report = check_site(site)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
@@ -12,9 +11,9 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, TypeVar
 
-from rich.console import Console
 from rich.table import Table
 
+from fleet.cli.run_output import plain_console
 from fleet.config import Connect, require
 
 if TYPE_CHECKING:
@@ -127,7 +126,7 @@ class _Tabletop:
         for key, value in figures.items():
             table.add_row(key.replace("_", " "), str(value)[:16])
         table.add_row("wall s", f"{wall_s:.1f}")
-        console = Console(file=sys.stdout, markup=False, emoji=False, highlight=False)
+        console = plain_console()
         console.print(table)
         for remark in remarks:
             console.print(remark, soft_wrap=True)

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fleet.cli.gateway.connection import Connection
-from fleet.cli.run_output import exit_status, plain_console, run_table, show_next, show_recording
+from fleet.cli.run_output import exit_status, plain_console, show_run
 from fleet.config import Fidelity, RunConfig, require
 
 if TYPE_CHECKING:
@@ -55,7 +55,6 @@ class DriveCommand(Connection):
     def run(self) -> int:
         """Run and print the result; returns the exit status."""
         from fleet.gateway.foreign_simulation import ForeignSimulation
-        from fleet.recording import RECORDING
         from fleet.session import SessionConfig, run_session
         from fleet.vda5050.envelope import Identity
 
@@ -94,10 +93,7 @@ class DriveCommand(Connection):
                 return simulation
 
             result = run_session(config, session, make)
-        console.print(run_table({"value": vars(result)}, short=True))
-        if self.record:
-            show_recording(console, self.out / RECORDING, view=False)
-        show_next(console, self.out)
+        show_run(console, result, self.out, recorded=self.record)
         return exit_status(console, result, self.duration)
 
     def _vehicles(self, identities: list[Identity], transport: Transport, until: float) -> ForeignVehicles:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fleet.cli.gateway.connection import Connection
-from fleet.cli.run_output import ALL_DONE, INTERRUPTED, plain_console, run_table, show_next, show_recording
+from fleet.cli.run_output import ALL_DONE, INTERRUPTED, plain_console, show_run
 from fleet.config import Fidelity, RunConfig, require
 from fleet.config.scenario_file import read_events
 
@@ -52,7 +52,6 @@ class Serve(Connection):
     def run(self) -> int:
         """Run and print the result; returns the exit status."""
         from fleet.gateway import GatewayConfig, MasteredSimulation
-        from fleet.recording import RECORDING
         from fleet.session import SessionConfig, run_session
         from fleet.vda5050.vehicle import Timing
 
@@ -85,12 +84,7 @@ class Serve(Connection):
                 return simulation
 
             result = run_session(config, session, make)
-        console.print(run_table({"value": vars(result)}, short=True))
-        if self.record:
-            show_recording(console, self.out / RECORDING, view=False)
-        show_next(console, self.out)
-        for line in result.events_not_happened:
-            console.print(f"did not happen: {line}", soft_wrap=True)
+        show_run(console, result, self.out, recorded=self.record)
         return INTERRUPTED if result.interrupted else ALL_DONE
 
     def _check(self) -> None:

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import json
-import sys
 import time
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from rich.console import Console
-from rich.table import Table
-
+from fleet.cli.run_output import figure_table, plain_console
 from fleet.config import require
 from fleet.config.settings import positive
 from fleet.terminal.progress_bar import Bar
@@ -64,8 +61,8 @@ class YardDemo:
             result = run.result()
         finally:
             run.world.close()
-        console = Console(file=sys.stdout, markup=False, emoji=False, highlight=False)
-        console.print(_table(result))
+        console = plain_console()
+        console.print(figure_table(_figures(result)))
         if self.json is not None:
             self.json.write_text(json.dumps(asdict(result), indent=2) + "\n", encoding="utf-8")
         return TOUCHED if result.contacts else DONE
@@ -81,7 +78,7 @@ class YardDemo:
         return BulletWorld(scene)
 
 
-def _table(result: YardResult) -> Table:
+def _figures(result: YardResult) -> dict[str, str]:
     """The figures of a run."""
     rows = {
         "simulated": f"{result.duration_s:g} s",
@@ -95,9 +92,4 @@ def _table(result: YardResult) -> Table:
     if result.plan_s:
         ordered = sorted(result.plan_s)
         rows["computing time of a plan"] = f"{ordered[len(ordered) // 2]:.3f} s, at most {ordered[-1]:.3f} s"
-    table = Table(show_header=False)
-    table.add_column("figure")
-    table.add_column("value", justify="right")
-    for name, value in rows.items():
-        table.add_row(name, value)
-    return table
+    return rows

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import math
-import sys
 import time
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import tyro
-from rich.console import Console
-from rich.table import Table
 
+from fleet.cli.run_output import figure_table, plain_console
 from fleet.config import require
 
 if TYPE_CHECKING:
@@ -61,7 +59,7 @@ class YardPlan:
         illegal = illegal_poses(problem)
         require(not illegal, str(self.instance), "; ".join(illegal[:3]), "cars that stand free at start and goal")
         self._check_output()
-        console = Console(file=sys.stdout, markup=False, emoji=False, highlight=False)
+        console = plain_console()
         console.print(f"{n} cars on {self.instance.name}, {len(given.discs)} obstacles", soft_wrap=True)
         OpenFloorPlanner().plan(_crossing(problem))  # loads the kernels
         begin = time.process_time()
@@ -69,7 +67,8 @@ class YardPlan:
         elapsed_s = time.process_time() - begin
         arrived = all(way is not None for way in plan.ways)
         wrong = breaches(problem, plan) if arrived else []
-        console.print(_table(plan, elapsed_s, str(wrong[0]) if wrong else "legal" if arrived else "not asked"))
+        verdict = str(wrong[0]) if wrong else "legal" if arrived else "not asked"
+        console.print(figure_table(_figures(plan, elapsed_s, verdict)))
         if not arrived:
             return NOT_SOLVED
         write_schedule(self.output, given.names[:n], _steps(plan), clockwise=not self.counter_clockwise)
@@ -103,7 +102,7 @@ def _steps(plan: OpenFloorPlan) -> npt.NDArray[np.float64]:
     return np.stack([way.poses(times) for way in plan.ways if way is not None])
 
 
-def _table(plan: OpenFloorPlan, elapsed_s: float, verdict: str) -> Table:
+def _figures(plan: OpenFloorPlan, elapsed_s: float, verdict: str) -> dict[str, str]:
     """The figures of a plan; lengths only of one that is whole."""
     n_found = sum(way is not None for way in plan.ways)
     rows = {"status": plan.status.value, "cars with a way": f"{n_found} of {len(plan.ways)}"}
@@ -118,9 +117,4 @@ def _table(plan: OpenFloorPlan, elapsed_s: float, verdict: str) -> Table:
         "computing time": f"{elapsed_s:.2f} s",
         "referee": verdict,
     }
-    table = Table(show_header=False)
-    table.add_column("figure")
-    table.add_column("value", justify="right")
-    for name, value in rows.items():
-        table.add_row(name, value)
-    return table
+    return rows
