@@ -15,11 +15,11 @@ from benchmarks.harness import Kind, Row, Trial
 from benchmarks.interop.others import package
 from fleet.config import Fidelity, RunConfig
 from fleet.gateway import GatewayConfig, MasteredSimulation
-from fleet.gateway.node_map import node_names
 from fleet.gateway.transport import MemoryBroker, Transport
 from fleet.vda5050.codec import Codec
 from fleet.vda5050.envelope import Post
 from fleet.vda5050.vehicle import Timing
+from maps.layouts.from_site import state_names
 
 CARS, SIM_S, QUICK_S = 3, 3600.0, 120.0
 MANY, MANY_S, MANY_QUICK_S = 100, 60.0, 10.0
@@ -47,7 +47,7 @@ class _Busy:
         self._simulation, self._config = simulation, config
         self._codec = Codec(config.speaks)
         self._link = broker.link([f"{config.interface}/{config.speaks.level}/{config.manufacturer}/+/+"])
-        names = node_names(simulation.site, simulation.graph)
+        names = state_names(simulation.site, simulation.graph)
         self._homes = [names[state] for state in simulation.view.setup.start_states.tolist()]
         folder = Path(fleet.vda5050.__file__).parent / "schemas" / config.dialect
         topics = ("connection", "factsheet", "state", "visualization", "order")

@@ -14,7 +14,7 @@ from fleet.config import Fidelity, RunConfig, require
 from fleet.gateway.errors import GatewayError
 from fleet.gateway.foreign_driver import ForeignDriver
 from fleet.gateway.foreign_vehicles import ForeignVehicles
-from fleet.gateway.node_map import DEVIATION_M, DEVIATION_RAD, node_names
+from fleet.gateway.node_map import DEVIATION_M, DEVIATION_RAD
 from fleet.run.events import Event
 from fleet.run.setup import RunSetup
 from fleet.simulation import Simulation
@@ -23,6 +23,7 @@ from fleet.world.grid import GridWorld
 from fleet.world.protocol import World
 from fleet.world.site_scene import scene_of
 from maps.lane_graph import LaneGraph
+from maps.layouts.from_site import state_names
 
 
 class ForeignSimulation(Simulation):
@@ -59,7 +60,7 @@ class ForeignSimulation(Simulation):
             del config, rng
             if not isinstance(world, GridWorld):
                 raise AssertionError("a run with foreign vehicles is on the grid")
-            names = node_names(setup.site, setup.graph)
+            names = state_names(setup.site, setup.graph)
             start, where = setup.start_states, map_id or setup.site.name
             return ForeignDriver(setup.graph, start, world.car_states, vehicles, names, where)
 

@@ -15,10 +15,8 @@ from fleet.stations.service_time import Direction
 from fleet.stations.station import Station
 from fleet.tasks.order import MAX_MASS_KG, MIN_MASS_KG
 from fleet.vda5050.order import Action, Edge, Node, Position
-from maps.grid import HEADING_NAMES
-from maps.lane_graph import LaneGraph
+from maps.layouts.from_site import state_names
 from maps.reading.shown import shown
-from maps.site import Site
 from planners.mapf.distance_table import UNREACHABLE
 
 DEVIATION_M = 0.5
@@ -51,7 +49,7 @@ class NodeMap:
         self.look()
         graph = run.graph
         self._by_name: dict[str, tuple[int, ...]] = {}
-        for state, name in enumerate(node_names(run.site, graph)):
+        for state, name in enumerate(state_names(run.site, graph)):
             self._by_name[name] = (state,)
         for name, cell in run.site.bays().items():
             self._by_name[name] = tuple(graph.states_of_cell(cell).tolist())
@@ -105,13 +103,6 @@ class NodeMap:
         poses = self.run.graph.state_pose
         near = np.flatnonzero(np.hypot(poses[:, 0] - position.x, poses[:, 1] - position.y) <= DEVIATION_M + 1e-6)
         return tuple(state for state in near.tolist() if not self.far(position, poses[state].tolist()))
-
-
-def node_names(site: Site, graph: LaneGraph) -> list[str]:
-    """What `site export` calls the node of each state."""
-    states = zip(graph.state_cell.tolist(), graph.state_heading.tolist(), strict=True)
-    places = ((*site.grid.row_col(cell), HEADING_NAMES[heading]) for cell, heading in states)
-    return [f"r{row}_c{col}_{heading}" for row, col, heading in places]
 
 
 class CarSurroundings:

@@ -19,11 +19,7 @@ def layout_of_states(site: Site) -> FloorLayout:
         site: The site.
     """
     graph = build_lane_graph(site)
-    cells = graph.state_cell.tolist()
-    names = [
-        f"{_cell_name(site, cell)}_{HEADING_NAMES[heading]}"
-        for cell, heading in zip(cells, graph.state_heading.tolist(), strict=True)
-    ]
+    cells, names = graph.state_cell.tolist(), state_names(site, graph)
     parking, chargers = set(site.parking), set(site.chargers)
     nodes = tuple(
         LayoutNode(
@@ -55,6 +51,12 @@ def layout_of_states(site: Site) -> FloorLayout:
     )
     docks = {station.name: names[graph.state_at(station.dock.cell, station.dock.heading)] for station in site.stations}
     return FloorLayout(name=site.name, nodes=nodes, edges=edges, stations=tuple(_stations(site, docks)))
+
+
+def state_names(site: Site, graph: LaneGraph) -> list[str]:
+    """Name of the node of each state."""
+    states = zip(graph.state_cell.tolist(), graph.state_heading.tolist(), strict=True)
+    return [f"{_cell_name(site, cell)}_{HEADING_NAMES[heading]}" for cell, heading in states]
 
 
 def layout_of_cells(site: Site) -> FloorLayout:
