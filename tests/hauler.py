@@ -1,8 +1,9 @@
 """Hauler: a toy car that is longer, wider, heavier and slower than the usual one, and carries three times as much."""
 
-from fleet.robots.cars.ackermann_body import AckermannBody, Tray, visual
+from fleet.robots.cars.ackermann_body import AckermannBody
 from fleet.robots.model import CarEntry, WheelShape
-from fleet.robots.spec import CarLimits, CarMotors, CarSpec
+from fleet.robots.spec import CarLimits, CarMotors, CarSpec, visual
+from fleet.robots.tray import Tray
 
 
 def _body() -> AckermannBody:

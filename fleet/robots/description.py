@@ -27,3 +27,14 @@ def fill(asset: str, **values: object) -> str:
 def spaced(numbers: Sequence[float]) -> str:
     """Write numbers the way URDF attributes take vectors."""
     return " ".join(f"{number:g}" for number in numbers)
+
+
+def box(size: Sequence[float], xyz: Sequence[float]) -> str:
+    """A box of a size at a place in its link [m]: what an element of a drawn or a colliding part holds."""
+    return f'<origin xyz="{spaced(xyz)}"/><geometry><box size="{spaced(size)}"/></geometry>'
+
+
+def solid_box(size: Sequence[float], xyz: Sequence[float], material: str) -> str:
+    """A box that is drawn and collides."""
+    shape = box(size, xyz)
+    return f'    <visual>{shape}<material name="{material}"/></visual>\n    <collision>{shape}</collision>'

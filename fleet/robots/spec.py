@@ -41,6 +41,34 @@ class Visual:
     rgba: tuple[float, float, float, float]
 
 
+def visual(
+    link: str,
+    *,
+    rgba: tuple[float, float, float, float],
+    mesh: Path | None = None,
+    size_m: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    xyz: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    roll: float = 0.0,
+    yaw: float = 0.0,
+) -> Visual:
+    """Give a drawn part of a link: a mesh, or a box of a size [m].
+
+    Args:
+        link: The link.
+        rgba: Its colour.
+        mesh: The mesh; None = a box.
+        size_m: Of the box.
+        xyz: Its place in the link [m].
+        roll: By which it is turned about the link's x axis, and then ...
+        yaw: ... about its z axis [rad].
+    """
+    cr, sr, cy, sy = math.cos(roll), math.sin(roll), math.cos(yaw), math.sin(yaw)
+    pose = np.eye(4)
+    pose[:3, :3] = [[cy, -sy * cr, sy * sr], [sy, cy * cr, -cy * sr], [0.0, sr, cr]]
+    pose[:3, 3] = xyz
+    return Visual(link=link, mesh=mesh, size_m=size_m, link_from_visual=pose, rgba=rgba)
+
+
 @dataclass(frozen=True, kw_only=True)
 class CarLimits:
     """What a car can do at most; the file of a model says where each number comes from."""

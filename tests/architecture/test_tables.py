@@ -62,6 +62,7 @@ FAMILIES = [
                 "spec",
                 "standing",
                 "tools",
+                "tray",
                 "twist",
             }
         ),

@@ -4,47 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
 from fleet.arrays import FloatArray
-from fleet.robots.description import fill, spaced
+from fleet.robots.description import box, fill, spaced
 from fleet.robots.model import WheelShape
-from fleet.robots.spec import HINGES, WHEELS, CarLimits, CarMotors, CarSpec, DriveKind, Visual
-
-Triple = tuple[float, float, float]
-_TRAY_RGBA = (0.85, 0.60, 0.15, 1.0)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Tray:
-    """An open box on a car."""
-
-    x_m: float
-    """Its centre ahead of the rear axle [m]."""
-    floor_z_m: float
-    """Top of its floor above the ground [m]."""
-    inner_m: Triple
-    """Inner length, inner width, height of the walls [m]."""
-    wall_m: float
-    """Thickness of walls and floor [m]."""
-
-    def plates(self) -> list[tuple[Triple, Triple]]:
-        """Size and centre of the four walls in the car's frame [m]."""
-        length, width, wall = self.inner_m
-        middle, plates = self.floor_z_m + wall / 2, []
-        for side in (1.0, -1.0):
-            along, across = side * (length + self.wall_m) / 2, side * (width + self.wall_m) / 2
-            plates.append(((self.wall_m, width + 2 * self.wall_m, wall), (self.x_m + along, 0.0, middle)))
-            plates.append(((length, self.wall_m, wall), (self.x_m, across, middle)))
-        return plates
-
-    def floor(self) -> tuple[Triple, Triple]:
-        """Size and centre of the floor as it is drawn [m]; what collides in its place is a thicker block."""
-        length, width, _ = self.inner_m
-        size = (length + 2 * self.wall_m, width + 2 * self.wall_m, self.wall_m)
-        return size, (self.x_m, 0.0, self.floor_z_m - self.wall_m / 2)
+from fleet.robots.spec import HINGES, WHEELS, CarLimits, CarMotors, CarSpec, DriveKind, Visual, visual
+from fleet.robots.tray import TRAY_RGBA, Tray, Triple
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,8 +51,8 @@ class AckermannBody:
     @property
     def visuals(self) -> tuple[Visual, ...]:
         """All that is drawn."""
-        boxes = (self.tray.floor(), *self.tray.plates())
-        tray = [visual("tray", size_m=size, xyz=xyz, rgba=_TRAY_RGBA) for size, xyz in boxes]
+        boxes = (self.tray.floor(self.tray.floor_z_m - self.tray.wall_m), *self.tray.plates())
+        tray = [visual("tray", size_m=size, xyz=xyz, rgba=TRAY_RGBA) for size, xyz in boxes]
         return (*self.drawn, *tray)
 
     def spec(self, limits: CarLimits, motors: CarMotors) -> CarSpec:
@@ -103,7 +70,7 @@ class AckermannBody:
             front_m=ahead + length / 2,
             rear_m=length / 2 - ahead,
             half_width_m=width / 2,
-            height_m=tray.floor_z_m + tray.inner_m[2],
+            height_m=tray.top_z_m,
             body_boxes=self.boxes(),
             tray_x_m=tray.x_m,
             tray_floor_z_m=tray.floor_z_m,
@@ -154,7 +121,7 @@ class AckermannBody:
             izz=izz,
             body_friction=self.body_friction,
             visuals="\n".join(_drawn(part) for part in base),
-            collisions="\n".join(_collision(size, xyz) for size, xyz in self._solid()),
+            collisions="\n".join(f"    <collision>{box(size, xyz)}</collision>" for size, xyz in self._solid()),
             wheels="".join(self._wheels(geometry)),
         )
 
@@ -191,43 +158,19 @@ class AckermannBody:
 
     def _support(self) -> tuple[Triple, Triple]:
         """Size and centre of the block between chassis and tray floor: a floor too thick to be pressed through."""
-        bottom = self.chassis_centre_m[2] + self.chassis_size_m[2] / 2
-        size, _ = self.tray.floor()
-        top = self.tray.floor_z_m
-        return (size[0], size[1], top - bottom), (self.tray.x_m, 0.0, (top + bottom) / 2)
-
-
-def visual(
-    link: str,
-    *,
-    rgba: tuple[float, float, float, float],
-    mesh: Path | None = None,
-    size_m: Triple = (0.0, 0.0, 0.0),
-    xyz: Triple = (0.0, 0.0, 0.0),
-    roll: float = 0.0,
-) -> Visual:
-    """Give a drawn part of a link: a mesh, or a box of a size [m], at a place in the link [m], turned about its x."""
-    pose = np.eye(4)
-    c, s = math.cos(roll), math.sin(roll)
-    pose[1:3, 1:3] = [[c, -s], [s, c]]
-    pose[:3, 3] = xyz
-    return Visual(link=link, mesh=mesh, size_m=size_m, link_from_visual=pose, rgba=rgba)
+        return self.tray.floor(self.chassis_centre_m[2] + self.chassis_size_m[2] / 2)
 
 
 def _drawn(part: Visual) -> str:
     pose = part.link_from_visual
-    roll = math.atan2(pose[2, 1], pose[1, 1])
+    roll, yaw = math.atan2(pose[2, 1], pose[2, 2]), math.atan2(pose[1, 0], pose[0, 0])
     shape = (
         f'<box size="{spaced(part.size_m)}"/>' if part.mesh is None else f'<mesh filename="{part.mesh.as_posix()}"/>'
     )
     red, green, blue, alpha = part.rgba
     colour = f"{red:g}_{green:g}_{blue:g}_{alpha:g}"
+    place = spaced(pose[:3, 3].tolist())
     return (
-        f'    <visual><origin rpy="{roll!r} 0 0" xyz="{spaced(pose[:3, 3].tolist())}"/><geometry>{shape}</geometry>'
+        f'    <visual><origin rpy="{roll!r} 0 {yaw:g}" xyz="{place}"/><geometry>{shape}</geometry>'
         f'<material name="{colour}"><color rgba="{spaced(part.rgba)}"/></material></visual>'
     )
-
-
-def _collision(size: Triple, xyz: Triple) -> str:
-    place, box = spaced(xyz), spaced(size)
-    return f'    <collision><origin xyz="{place}"/><geometry><box size="{box}"/></geometry></collision>'

@@ -7,9 +7,10 @@ from pathlib import Path
 
 import pybullet_data
 
-from fleet.robots.cars.ackermann_body import AckermannBody, Tray, visual
+from fleet.robots.cars.ackermann_body import AckermannBody
 from fleet.robots.model import CarEntry, WheelShape
-from fleet.robots.spec import WHEELS, CarLimits, CarMotors, CarSpec, Visual
+from fleet.robots.spec import WHEELS, CarLimits, CarMotors, CarSpec, Visual, visual
+from fleet.robots.tray import Tray
 
 _BODY_RGBA = (0.10, 0.25, 0.60, 1.0)
 _TYRE_RGBA = (0.08, 0.08, 0.08, 1.0)

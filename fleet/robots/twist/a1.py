@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pybullet_data
 
-from fleet.robots.description import fill, spaced
+from fleet.robots.description import fill, solid_box, spaced
+from fleet.robots.tray import Tray
 from fleet.robots.twist.follower import TwistFollowerConfig
 from fleet.robots.twist.spec import LeggedChassis, TwistLimits, TwistResponse, TwistSpec
 from fleet.robots.twist.trot import LEGS, TrotConfig
@@ -32,16 +33,15 @@ A1_FOLLOWER = TwistFollowerConfig(
 """Softer gains than those of wheels: a body that sways by a centimetre with every step answers after one."""
 
 # A tray of our own on the trunk, which is 0.114 m high.
-_TRAY_X_M = 0.0
+_TRAY = Tray(x_m=0.0, floor_z_m=0.004, inner_m=(0.26, 0.18, 0.06), wall_m=0.004)
+"""In the frame of its underside."""
 _TRAY_BOTTOM_M = 0.062
-_TRAY_INNER_M = (0.26, 0.18, 0.06)
-_WALL_M = 0.004
 _TRAY_MASS_KG = 0.3
 
 
 def a1_spec() -> TwistSpec:
     """Give sizes, limits and sources of the A1."""
-    floor = TROT.height_m + TOE_RADIUS_M + _TRAY_BOTTOM_M + _WALL_M
+    floor = TROT.height_m + TOE_RADIUS_M + _TRAY_BOTTOM_M + _TRAY.floor_z_m
     return TwistSpec(
         name="a1",
         drive="legged",
@@ -60,10 +60,10 @@ def a1_spec() -> TwistSpec:
         front_m=0.30,
         rear_m=0.30,
         half_width_m=0.19,
-        height_m=floor + _TRAY_INNER_M[2],
-        tray_x_m=_TRAY_X_M,
+        height_m=floor + _TRAY.inner_m[2],
+        tray_x_m=_TRAY.x_m,
         tray_floor_z_m=floor,
-        tray_size_m=_TRAY_INNER_M,
+        tray_size_m=_TRAY.inner_m,
         limits=TwistLimits(
             max_speed_mps=0.5,
             max_yaw_rate_radps=0.6,
@@ -105,26 +105,15 @@ def a1_urdf() -> str:
     path = Path(pybullet_data.getDataPath()) / "a1" / "a1.urdf"
     text = path.read_text(encoding="utf-8").replace('filename="meshes/', f'filename="{path.parent.as_posix()}/meshes/')
     head, closing, _ = text.rpartition("</robot>")
-    length, width, wall = _TRAY_INNER_M
-    outer = (length + 2 * _WALL_M, width + 2 * _WALL_M)
-    boxes = [((*outer, _WALL_M), (0.0, 0.0, _WALL_M / 2))]
-    for side in (1.0, -1.0):
-        middle = _WALL_M + wall / 2
-        boxes.append(((_WALL_M, outer[1], wall), (side * (length + _WALL_M) / 2, 0.0, middle)))
-        boxes.append(((length, _WALL_M, wall), (0.0, side * (width + _WALL_M) / 2, middle)))
-    shapes = "\n".join(
-        f'<origin xyz="{spaced(xyz)}"/><geometry><box size="{spaced(size)}"/></geometry>' for size, xyz in boxes
-    ).splitlines()
+    length, width = _TRAY.outer_m
+    boxes = [_TRAY.floor(0.0), *_TRAY.plates()]
     tray = fill(
         "a1_tray",
         mass=_TRAY_MASS_KG,
-        ixx=round(_TRAY_MASS_KG / 12 * outer[1] ** 2, 6),
-        iyy=round(_TRAY_MASS_KG / 12 * outer[0] ** 2, 6),
-        izz=round(_TRAY_MASS_KG / 12 * (outer[0] ** 2 + outer[1] ** 2), 6),
-        xyz=spaced((_TRAY_X_M, 0.0, _TRAY_BOTTOM_M)),
-        parts="\n".join(
-            f'    <visual>{shape}<material name="grey"/></visual>\n    <collision>{shape}</collision>'
-            for shape in shapes
-        ),
+        ixx=round(_TRAY_MASS_KG / 12 * width**2, 6),
+        iyy=round(_TRAY_MASS_KG / 12 * length**2, 6),
+        izz=round(_TRAY_MASS_KG / 12 * (length**2 + width**2), 6),
+        xyz=spaced((_TRAY.x_m, 0.0, _TRAY_BOTTOM_M)),
+        parts="\n".join(solid_box(size, xyz, "grey") for size, xyz in boxes),
     )
     return head + tray + closing + "\n"

@@ -9,8 +9,9 @@ import numpy as np
 import pybullet_data
 
 from fleet.arrays import FloatArray
-from fleet.robots.description import fill, spaced
-from fleet.robots.spec import Visual
+from fleet.robots.description import fill, solid_box, spaced
+from fleet.robots.spec import Visual, visual
+from fleet.robots.tray import TRAY_RGBA, Tray, Triple
 from fleet.robots.twist.skid_steer import SkidSteer
 from fleet.robots.twist.spec import SkidChassis, TwistLimits, TwistResponse, TwistSpec
 
@@ -38,10 +39,7 @@ _CHASSIS_INERTIA = (0.6022, 1.7386, 2.0296)
 _CHASSIS_SIZE_M = (0.99, 0.5709, 0.2675)
 _CHASSIS_Z_M = 0.26991
 # A tray of our own on the top plate: sheet metal, room for two rows of three parcels of 20 cm.
-_TRAY_X_M = 0.0
-_TRAY_FLOOR_M = 0.41
-_TRAY_INNER_M = (0.72, 0.46, 0.10)
-_WALL_M = 0.01
+_TRAY = Tray(x_m=0.0, floor_z_m=0.41, inner_m=(0.72, 0.46, 0.10), wall_m=0.01)
 _TRAY_MASS_KG = 2.0
 # What the rollers weigh is taken from all that.
 _BASE_MASS_KG = _CHASSIS_MASS_KG + 4 * _WHEEL_MASS_KG + _TRAY_MASS_KG - 2 * _ROLLER_MASS_KG
@@ -59,7 +57,6 @@ _BODY_RGBA = (0.15, 0.15, 0.15, 1.0)
 _PLATE_RGBA = (0.85, 0.70, 0.10, 1.0)
 _RAIL_RGBA = (0.30, 0.30, 0.30, 1.0)
 _TYRE_RGBA = (0.10, 0.10, 0.10, 1.0)
-_TRAY_RGBA = (0.85, 0.60, 0.15, 1.0)
 
 
 def husky_spec() -> TwistSpec:
@@ -81,10 +78,10 @@ def husky_spec() -> TwistSpec:
         front_m=0.495,
         rear_m=0.495,
         half_width_m=0.345,
-        height_m=_TRAY_FLOOR_M + _TRAY_INNER_M[2],
-        tray_x_m=_TRAY_X_M,
-        tray_floor_z_m=_TRAY_FLOOR_M,
-        tray_size_m=_TRAY_INNER_M,
+        height_m=_TRAY.top_z_m,
+        tray_x_m=_TRAY.x_m,
+        tray_floor_z_m=_TRAY.floor_z_m,
+        tray_size_m=_TRAY.inner_m,
         limits=TwistLimits(
             max_speed_mps=1.0,
             max_yaw_rate_radps=2.0,
@@ -153,7 +150,7 @@ def husky_urdf() -> str:
         body_friction=_BODY_FRICTION,
         chassis_size=spaced(_CHASSIS_SIZE_M),
         chassis_xyz=spaced((0.0, 0.0, _CHASSIS_Z_M)),
-        tray_parts="\n".join(_tray_part(size, xyz) for size, xyz in _tray_boxes()),
+        tray_parts="\n".join(solid_box(size, xyz, "tray") for size, xyz in _tray_boxes()),
         wheels="\n".join(
             f'    <visual><origin xyz="{spaced(place)}"/><geometry><mesh filename="{meshes}/wheel.stl"/></geometry>'
             '<material name="tyre"/></visual>'
@@ -175,12 +172,12 @@ def wheel_places() -> FloatArray:
 
 def _base() -> tuple[tuple[float, float, float], tuple[float, float, float]]:
     """Centre of mass and moments of inertia about it of chassis, wheels and tray, by the parallel-axis theorem."""
-    length, width, _ = _TRAY_INNER_M
+    length, width, _ = _TRAY.inner_m
     tray = _TRAY_MASS_KG / 12.0 * np.array([width**2, length**2, length**2 + width**2])
     across, axle = _WHEEL_INERTIA
     parts = [
         (_CHASSIS_MASS_KG, np.array(_CHASSIS_COM_M), np.array(_CHASSIS_INERTIA)),
-        (_TRAY_MASS_KG, np.array([_TRAY_X_M, 0.0, _TRAY_FLOOR_M]), tray),
+        (_TRAY_MASS_KG, np.array([_TRAY.x_m, 0.0, _TRAY.floor_z_m]), tray),
         *((_WHEEL_MASS_KG, place, np.array([across, axle, across])) for place in wheel_places()),
         # The rollers' mass is theirs.
         *((-_ROLLER_MASS_KG, np.array([0.0, side * _WHEEL_Y_M, WHEEL_RADIUS_M]), np.zeros(3)) for side in (1.0, -1.0)),
@@ -199,49 +196,20 @@ def _meshes() -> Path:
     return Path(pybullet_data.getDataPath()) / "husky" / "meshes"
 
 
-def _tray_boxes() -> list[tuple[tuple[float, float, float], tuple[float, float, float]]]:
+def _tray_boxes() -> list[tuple[Triple, Triple]]:
     """Size and centre of the floor plate, which reaches down to the chassis, and the four walls."""
-    length, width, wall = _TRAY_INNER_M
-    outer = (length + 2 * _WALL_M, width + 2 * _WALL_M)
-    below = _CHASSIS_Z_M + _CHASSIS_SIZE_M[2] / 2
-    middle = _TRAY_FLOOR_M + wall / 2
-    boxes = [((outer[0], outer[1], _TRAY_FLOOR_M - below), (_TRAY_X_M, 0.0, (_TRAY_FLOOR_M + below) / 2))]
-    for side in (1.0, -1.0):
-        boxes.append(((_WALL_M, outer[1], wall), (_TRAY_X_M + side * (length + _WALL_M) / 2, 0.0, middle)))
-        boxes.append(((length, _WALL_M, wall), (_TRAY_X_M, side * (width + _WALL_M) / 2, middle)))
-    return boxes
-
-
-def _tray_part(size: tuple[float, float, float], xyz: tuple[float, float, float]) -> str:
-    shape = f'<origin xyz="{spaced(xyz)}"/><geometry><box size="{spaced(size)}"/></geometry>'
-    return f'    <visual>{shape}<material name="tray"/></visual>\n    <collision>{shape}</collision>'
+    return [_TRAY.floor(_CHASSIS_Z_M + _CHASSIS_SIZE_M[2] / 2), *_TRAY.plates()]
 
 
 def _visuals() -> tuple[Visual, ...]:
     meshes, lift = _meshes(), 0.14493
     parts = [
-        _visual("chassis", meshes / "base_link.stl", (0.0, 0.0, lift), _BODY_RGBA),
-        _visual("chassis", meshes / "top_plate.stl", (0.0, 0.0, lift), _PLATE_RGBA),
-        _visual("chassis", meshes / "user_rail.stl", (0.272, 0.0, lift + 0.245), _RAIL_RGBA),
-        _visual("chassis", meshes / "bumper.stl", (0.48, 0.0, lift + 0.091), _RAIL_RGBA),
-        _visual("chassis", meshes / "bumper.stl", (-0.48, 0.0, lift + 0.091), _RAIL_RGBA, yaw=math.pi),
+        visual("chassis", mesh=meshes / "base_link.stl", xyz=(0.0, 0.0, lift), rgba=_BODY_RGBA),
+        visual("chassis", mesh=meshes / "top_plate.stl", xyz=(0.0, 0.0, lift), rgba=_PLATE_RGBA),
+        visual("chassis", mesh=meshes / "user_rail.stl", xyz=(0.272, 0.0, lift + 0.245), rgba=_RAIL_RGBA),
+        visual("chassis", mesh=meshes / "bumper.stl", xyz=(0.48, 0.0, lift + 0.091), rgba=_RAIL_RGBA),
+        visual("chassis", mesh=meshes / "bumper.stl", xyz=(-0.48, 0.0, lift + 0.091), rgba=_RAIL_RGBA, yaw=math.pi),
     ]
-    parts.extend(_visual(name, meshes / "wheel.stl", (0.0, 0.0, 0.0), _TYRE_RGBA) for name in WHEELS)
-    parts.extend(_visual("tray", None, xyz, _TRAY_RGBA, size=size) for size, xyz in _tray_boxes())
+    parts.extend(visual(name, mesh=meshes / "wheel.stl", rgba=_TYRE_RGBA) for name in WHEELS)
+    parts.extend(visual("tray", size_m=size, xyz=xyz, rgba=TRAY_RGBA) for size, xyz in _tray_boxes())
     return tuple(parts)
-
-
-def _visual(
-    link: str,
-    mesh: Path | None,
-    xyz: tuple[float, float, float],
-    rgba: tuple[float, float, float, float],
-    *,
-    size: tuple[float, float, float] = (0.0, 0.0, 0.0),
-    yaw: float = 0.0,
-) -> Visual:
-    pose = np.eye(4)
-    c, s = math.cos(yaw), math.sin(yaw)
-    pose[:2, :2] = [[c, -s], [s, c]]
-    pose[:3, 3] = xyz
-    return Visual(link=link, mesh=mesh, size_m=size, link_from_visual=pose, rgba=rgba)
