@@ -9,25 +9,23 @@ from typing import Any, TypeAlias
 import numpy as np
 from numba import njit
 
+from planners.kernel_stamp import keep_until, stamp_of
+
 Int: TypeAlias = int | np.int64
 """A whole number in a kernel, where both are the same."""
 
-_FILES = [path.stat() for path in sorted(Path(__file__).parent.rglob("*.py"))]
-_STAMP = (max(file.st_mtime for file in _FILES), sum(file.st_size for file in _FILES))
+_STAMP = stamp_of(Path(__file__).parent)
 
 
 def kernel(function: Callable[..., Any], **more: Any) -> Callable[..., Any]:
     """Compile a kernel that gets all its memory handed in, bundled in named tuples, and allocates none.
 
     Without `_nrt=False` numba counts the references of every array of a bundle at every use, which takes two thirds
-    of the time of a search. And numba keeps a compiled kernel until the file it stands in changes, whatever happens to
-    the kernels in other files that are compiled into it: here it is kept until any file of the family changes.
+    of the time of a search. What is compiled is kept until any file of the family changes.
     """
     options: dict[str, Any] = {"cache": True, "nogil": True, "_nrt": False, **more}
     compiled: Callable[..., Any] = njit(**options)(function)
-    kept = getattr(getattr(compiled, "_cache", None), "_cache_file", None)
-    if kept is not None:
-        kept._source_stamp = _STAMP
+    keep_until(compiled, _STAMP)
     return compiled
 
 

@@ -8,26 +8,22 @@ from typing import Any
 
 from numba import njit
 
+from planners.kernel_stamp import keep_until, stamp_of
 from planners.mapf import kernel as mapf_kernel
 
-_FOLDERS = (Path(__file__).parents[1], Path(mapf_kernel.__file__).parent)
-_FILES = [path.stat() for folder in _FOLDERS for path in sorted(folder.rglob("*.py"))]
-_STAMP = (max(file.st_mtime for file in _FILES), sum(file.st_size for file in _FILES))
+_STAMP = stamp_of(Path(__file__).parents[1], Path(mapf_kernel.__file__).parent)
 
 
 def compiled(function: Callable[..., Any], **more: Any) -> Callable[..., Any]:
     """Compile a kernel that gets all its memory handed in, bundled in named tuples, and allocates none.
 
     For `_nrt=False` see `planners.mapf.kernel`. What it calls is compiled alike, unless that says `_nrt=True` itself; a
-    kernel that returns arrays must not be called by one that counts references, which would count it down. And numba
-    keeps a compiled kernel until the file it stands in changes, whatever happens to the kernels in other files that are
-    compiled into it: here it is kept until any file of the environments or of `planners.mapf` changes.
+    kernel that returns arrays must not be called by one that counts references, which would count it down. What is
+    compiled is kept until any file of the environments or of `planners.mapf` changes.
     """
     options: dict[str, Any] = {"cache": True, "nogil": True, "_nrt": False, **more}
     made: Callable[..., Any] = njit(**options)(function)
-    kept = getattr(getattr(made, "_cache", None), "_cache_file", None)
-    if kept is not None:
-        kept._source_stamp = _STAMP
+    keep_until(made, _STAMP)
     return made
 
 

@@ -1,7 +1,6 @@
 """How the kernels of this family are compiled; a kernel keeps its type, so that calls of it are checked like any other.
 
-Numba keeps a compiled kernel until the file it stands in changes, whatever happens to kernels of other files that are
-compiled into it: here it is kept until any file of the family changes.
+What is compiled is kept until any file of this folder changes.
 """
 
 from __future__ import annotations
@@ -12,10 +11,11 @@ from typing import Any, TypeVar, cast
 
 from numba import njit
 
+from planners.kernel_stamp import keep_until, stamp_of
+
 Kernel = TypeVar("Kernel", bound=Callable[..., Any])
 
-_FILES = [path.stat() for path in sorted(Path(__file__).parent.rglob("*.py"))]
-_STAMP = (max(file.st_mtime for file in _FILES), sum(file.st_size for file in _FILES))
+_STAMP = stamp_of(Path(__file__).parent)
 
 
 def kernel(function: Kernel) -> Kernel:
@@ -25,7 +25,5 @@ def kernel(function: Kernel) -> Kernel:
     """
     options: dict[str, Any] = {"cache": True, "_nrt": False, "error_model": "numpy"}
     compiled: Any = njit(**options)(function)
-    kept = getattr(getattr(compiled, "_cache", None), "_cache_file", None)
-    if kept is not None:
-        kept._source_stamp = _STAMP
+    keep_until(compiled, _STAMP)
     return cast(Kernel, compiled)
