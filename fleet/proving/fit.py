@@ -10,6 +10,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from fleet.arrays import FloatArray
+from fleet.control.standard_errors import standard_errors
 from fleet.proving.vehicles import TICK_S, PhysicalTwist
 from fleet.robots.twist.motion import TwistMotion
 from fleet.robots.twist.spec import TwistResponse, TwistSpec
@@ -53,8 +54,6 @@ def fit_response(spec: TwistSpec, *, seed: int, load_kg: float = 0.0) -> TwistFi
         spec: The robot.
         seed: Of the steps and of its sensors.
         load_kg: What lies in its tray.
-
-    Source: G. A. F. Seber, C. J. Wild, "Nonlinear Regression", 1989, section 2.1.2, for the standard errors.
     """
     record = drive_steps(spec, np.random.default_rng(seed), load_kg)
     names = [field.name for field in fields(TwistResponse)]
@@ -65,13 +64,11 @@ def fit_response(spec: TwistSpec, *, seed: int, load_kg: float = 0.0) -> TwistFi
         return (simulated(replace(spec, response=response), record) - record.states).ravel()
 
     found = least_squares(errors, start, bounds=(1e-3, np.inf), x_scale=start, diff_step=1e-3)
-    spread = 2.0 * found.cost / (len(found.fun) - len(names))
-    sigma = np.sqrt(spread * np.diag(np.linalg.pinv(found.jac.T @ found.jac)))
     fitted = TwistResponse(**dict(zip(names, found.x.tolist(), strict=True)))
     return TwistFit(
         stated=spec.response,
         fitted=fitted,
-        sigma=dict(zip(names, sigma.tolist(), strict=True)),
+        sigma=dict(zip(names, standard_errors(found).tolist(), strict=True)),
         stated_rms=_rms(spec, record),
         fitted_rms=_rms(replace(spec, response=fitted), record),
     )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -11,6 +10,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from fleet.arrays import FloatArray
+from fleet.control.standard_errors import standard_errors
 from fleet.robots.cars.models import usual_car
 from fleet.scale.car_model import (
     CarModel,
@@ -154,10 +154,7 @@ def fit_car(
 def _fit(
     model: CarModel, names: Sequence[str], errors: Callable[[CarModel], FloatArray], outlier: float | None
 ) -> tuple[CarModel, dict[str, float]]:
-    """Least squares over the named parameters, all of them positive; their standard errors beside.
-
-    Source of the errors: G. A. F. Seber, C. J. Wild, "Nonlinear Regression", 1989, section 2.1.2.
-    """
+    """Least squares over the named parameters, all of them positive; their standard errors beside."""
 
     def tried(values: FloatArray) -> FloatArray:
         return errors(replace(model, **dict(zip(names, values.tolist(), strict=True))))
@@ -172,10 +169,5 @@ def _fit(
         loss="linear" if outlier is None else "soft_l1",
         f_scale=outlier or 1.0,
     )
-    squares = found.jac.T @ found.jac
-    spread = 2.0 * found.cost / max(len(found.fun) - len(names), 1)
-    told = np.diag(squares) > 0.0
-    variance = np.full(len(names), np.inf)
-    variance[told] = spread * np.diag(np.linalg.pinv(squares[np.ix_(told, told)]))
-    sigma = {name: math.sqrt(value) for name, value in zip(names, variance.tolist(), strict=True)}
+    sigma = dict(zip(names, standard_errors(found).tolist(), strict=True))
     return replace(model, **dict(zip(names, found.x.tolist(), strict=True))), sigma
