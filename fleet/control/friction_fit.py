@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fleet.arrays import FloatArray
+from fleet.control.standard_errors import errors_of_normal
 
 Replay = Callable[[FloatArray, FloatArray], FloatArray]
 """Joint positions (k, n) that a simulated arm has with damping (n,) and dry friction (n,)."""
@@ -113,7 +114,7 @@ def fit_friction(
             progress(number + 1, rms(error))
         if gain < _CONVERGED:
             break
-    sigma = _sigma(normal, cost / error.size)
+    sigma = errors_of_normal(normal, cost / error.size, least=_NO_SLOPE)
     return FrictionFit(
         damping=values[:n],
         friction=values[n:],
@@ -123,13 +124,3 @@ def fit_friction(
         friction_sigma=sigma[n:],
         n_replays=replays,
     )
-
-
-def _sigma(normal: FloatArray, variance: float) -> FloatArray:
-    """Standard deviations of the values, infinite where the curvature vanishes."""
-    known = np.diag(normal) > _NO_SLOPE * np.diag(normal).max()
-    sigma = np.full(len(normal), np.inf)
-    if known.any():
-        inverse = np.linalg.pinv(normal[np.ix_(known, known)])
-        sigma[known] = np.sqrt(np.maximum(variance * np.diag(inverse), 0.0))
-    return sigma

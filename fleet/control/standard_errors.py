@@ -1,4 +1,7 @@
-"""Standard errors of parameters that were fitted by least squares."""
+"""Standard errors of parameters that were fitted by least squares.
+
+Source: G. A. F. Seber, C. J. Wild, "Nonlinear Regression", 1989, section 2.1.2.
+"""
 
 from __future__ import annotations
 
@@ -13,12 +16,24 @@ def standard_errors(found: OptimizeResult) -> FloatArray:
 
     Args:
         found: What `scipy.optimize.least_squares` returns.
-
-    Source: G. A. F. Seber, C. J. Wild, "Nonlinear Regression", 1989, section 2.1.2.
     """
-    squares = found.jac.T @ found.jac
     spread = 2.0 * found.cost / max(len(found.fun) - len(found.x), 1)
-    told = np.diag(squares) > 0.0
-    variance = np.full(len(found.x), np.inf)
-    variance[told] = spread * np.diag(np.linalg.pinv(squares[np.ix_(told, told)]))
-    return np.sqrt(variance)
+    return errors_of_normal(found.jac.T @ found.jac, spread)
+
+
+def errors_of_normal(normal: FloatArray, variance: float, *, least: float = 0.0) -> FloatArray:
+    """Standard errors from the matrix of the normal equations, shape (n,).
+
+    Args:
+        normal: Jacobian transposed times Jacobian of the errors, shape (n, n).
+        variance: Of one error.
+        least: A parameter whose entry of the diagonal is at most this part of the largest one is not told by the
+            errors, and its standard error is infinite.
+    """
+    diagonal = np.diag(normal)
+    told = diagonal > least * diagonal.max()
+    errors = np.full(len(normal), np.inf)
+    if told.any():
+        inverse = np.linalg.pinv(normal[np.ix_(told, told)])
+        errors[told] = np.sqrt(np.maximum(variance * np.diag(inverse), 0.0))
+    return errors
