@@ -31,8 +31,9 @@ class TaskSchedule:
     """Tasks by cost: the way to the first errand, weighted, and then the task's own length; cheapest pair first.
 
     A robot that has not opened its task may get another one. In a large fleet only some of these robots are asked in
-    each timestep, in turn. Where crowds delay what leads into them, such tasks wait until they have gone: no part of
-    the floor gets more work than it can pass.
+    each timestep, in turn, and a task counts as shorter the longer it waits: those that are long or out of the way
+    would fill the pool otherwise, and leave little to choose from. Where crowds delay what leads into them, such tasks
+    wait until they have gone: no part of the floor gets more work than it can pass.
 
     Args:
         arena: The arena.
@@ -80,7 +81,9 @@ class TaskSchedule:
         """
         pool = arena.pool()
         self.learn(arena, pool)
-        asked = self._asked(arena, len(pool), everybody)
+        free = np.flatnonzero((arena.task_of == NO_TASK) | (arena.errand_of == 0))
+        in_turn = not everybody and len(free) * len(pool) > _MOST_PAIRS
+        asked = self._in_turn(arena, free, len(pool)) if in_turn else free
         task_of = arena.task_of.copy()
         task_of[asked] = NO_TASK
         tasks = pool[~np.isin(pool, task_of)]
@@ -92,6 +95,8 @@ class TaskSchedule:
         if delay is not None:
             end = arena.errand_ptr[tasks % arena.problem.n_tasks + 1]
             length = length + _sum_at_errands(delay, arena.errand_cell, place, end)
+        if in_turn:
+            length = length - self._waited(arena, pool, tasks)
         if len(asked) * len(tasks) <= _EXACT_PAIRS:
             way = left(self._costs.costs, np.repeat(arena.states[asked], len(rows)), np.tile(rows, len(asked)))
             robot, task = linear_sum_assignment(_HASTE * way.reshape(len(asked), -1) + length)
@@ -110,14 +115,16 @@ class TaskSchedule:
         task_of[asked] = np.where(chosen >= 0, tasks[chosen], NO_TASK)
         return task_of
 
-    def _asked(self, arena: LeagueView, n_tasks: int, everybody: bool) -> npt.NDArray[np.intp]:
-        """Robots whose task is decided in this timestep."""
-        idle = arena.task_of == NO_TASK
-        free = np.flatnonzero(idle | (arena.errand_of == 0))
-        if everybody or len(free) * n_tasks <= _MOST_PAIRS:
-            return free
-        idle_robots = np.flatnonzero(idle)
-        rest = free[~idle[free]]
+    def _waited(self, arena: LeagueView, pool: Tasks, tasks: Tasks) -> Int64Array:
+        """What the wait of tasks counts: the mean length of the pool for each time that it was filled anew since."""
+        mean = np.mean(self.rest_of[arena.errand_ptr[pool % arena.problem.n_tasks]])
+        waited: Int64Array = (mean * (pool[-1] - tasks) / arena.problem.pool_size).astype(np.int64)
+        return waited
+
+    def _in_turn(self, arena: LeagueView, free: npt.NDArray[np.intp], n_tasks: int) -> npt.NDArray[np.intp]:
+        """Robots whose task is decided in this timestep, of those that are free to take one."""
+        idle = arena.task_of[free] == NO_TASK
+        idle_robots, rest = free[idle], free[~idle]
         n_tasks_left = max(n_tasks - len(rest), 1)
         room = max(_MOST_PAIRS // n_tasks_left - len(idle_robots), 0)
         taken = np.roll(rest, -self._turn)[:room]

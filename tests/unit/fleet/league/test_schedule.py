@@ -100,8 +100,18 @@ def test_with_more_tasks_than_a_shortlist_everybody_gets_one() -> None:
     assert len(set(task_of.tolist())) == 20
 
 
-@pytest.mark.parametrize("most_pairs", [150_000, 40])
+@pytest.mark.parametrize(("most_pairs", "first"), [(0, 0), (10_000, 2)], ids=["in turn", "all"])
+def test_in_a_large_fleet_a_task_that_waits_goes_before_a_shorter_one(
+    most_pairs: int, first: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Three tasks begin at the same place; the first one is longest, but two others are known since."""
+    monkeypatch.setattr(schedule_module, "_MOST_PAIRS", most_pairs)
+    arena, schedule = begin(problem_of(ROOM, [0], [[3, 35], [3, 34], [3, 33]], pool_size=3))
+    assert schedule.assign(arena).tolist() == [first]
+
+
 @pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("most_pairs", [150_000, 40])
 def test_every_task_has_one_robot_however_few_are_asked(
     seed: int, most_pairs: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
