@@ -112,7 +112,7 @@ class _Side(NamedTuple):
 class _Meeting(NamedTuple):
     """Two arms that are at the place after each other; in arrays, row 0 is the first one's."""
 
-    first: int
+    first: Int
     """Which of the two stays that is."""
     one: _Arm
     other: _Arm
@@ -120,7 +120,7 @@ class _Meeting(NamedTuple):
     """Their postures at the place, shape (2, n)."""
     there: FloatArray
     """Where the first goes on to, and where the second comes from, shape (2, n)."""
-    most: int
+    most: Int
     """Steps of the longest gap that is of use."""
     spare: FloatArray
     """How long the motions may take [s]: the first goes on while the second stays and leaves, the second waits at its
@@ -357,7 +357,7 @@ def _search(
         if ways[1 - first, 1, j] == _BLOCKED:
             continue
         tries += 1
-        most = np.int64(_SAMPLES - 2)
+        most: Int = np.int64(_SAMPLES - 2)
         after = one.come[i] + one.stay + other.stay + other.leave[j]  # without a gap
         if best < np.inf:
             most = min(most, int(np.ceil((best - after) / _STEP_S - 1e-6)) - 1)
@@ -387,7 +387,7 @@ def _copy(rows: FloatArray, out: FloatArray) -> None:
 
 
 @inlined  # a call would copy both sides
-def _meeting(first: Int, one: _Side, i: Int, other: _Side, j: Int, most: int, memory: _Memory) -> _Meeting:
+def _meeting(first: Int, one: _Side, i: Int, other: _Side, j: Int, most: Int, memory: _Memory) -> _Meeting:
     """Posture i of the first arm, and posture j of the second."""
     here, there, spare = memory.ends[0], memory.ends[1], memory.spare
     for a in range(here.shape[1]):
@@ -407,12 +407,12 @@ def _polished(
     q, frames, middle, copies = memory.fine_q, memory.fine_frames, memory.fine_middle, memory.copies
     way, at, scratch, steps = memory.way[meeting.first], memory.at[meeting.first], memory.scratch, memory.steps
     n = here.shape[1]
-    guess = np.int64(0)
+    guess: Int = np.int64(0)
     for s in range(2):
         copies[s] = 0
         _move(meeting, s, push, _FINE_S, steps, q, frames[s, 0], middle[s, 0])
     gap = int(np.ceil(meeting.most * _STEP_S / _FINE_S))
-    met = np.int64(-1)
+    met: Int = np.int64(-1)
     while gap > 0 and met < 0:
         f, g = copies[0], copies[1]
         met = _met(one, other, frames[0, f], frames[1, g], middle[0, f], middle[1, g], gap - 1, margin, way, at, scratch, guess)  # noqa: E501  # fmt: skip
@@ -512,7 +512,7 @@ def _joint_s(here: float, there: float, limits: FloatArray, j: int, push: float,
 @inner_borrowing
 def _parted(
     meeting: _Meeting, scene: SceneArrays, their_scene: SceneArrays, margin: float, memory: _Memory
-) -> tuple[int, int]:
+) -> tuple[int, Int]:
     """Shortest gap found between one's leaving and the other's arrival in steps (most + 1: none), after its push's row.
 
     The pushes are in that row of `memory.pushes`.
@@ -524,8 +524,8 @@ def _parted(
     push = pushes[_N_ROUNDS]
     n = here.shape[1]
     n_found = 0
-    gap = meeting.most
-    guess = np.int64(0)
+    gap: Int = meeting.most
+    guess: Int = np.int64(0)
     for s in range(2):
         for a in range(n):
             push[s, a] = 0.0
@@ -538,7 +538,7 @@ def _parted(
                     push[s, a] = 0.0
             _move(meeting, s, push, _STEP_S, steps, q[s], frames[s], middle[s])
         better = False
-        low = -1  # no gap below is looked for, this one meets
+        low: Int = -1  # no gap below is looked for, this one meets
         while gap > low:
             half = gap if turn > 0 and low < 0 else (gap + low + 1) // 2
             met = _met(one, other, frames[0], frames[1], middle[0], middle[1], half, margin, way, at, scratch, guess)
@@ -672,7 +672,7 @@ def _square(a: FloatArray, b: FloatArray) -> float:
 
 
 @inlined
-def _moment(k: int, gap: int, samples: int) -> tuple[int, int]:
+def _moment(k: Int, gap: Int, samples: int) -> tuple[Int, Int]:
     """Samples of both arms at moment k of an exchange: in step, then each against the other at the place."""
     if k <= gap:
         return k, gap - k
@@ -689,7 +689,7 @@ def _met(
     their_frames: FloatArray,
     middle: FloatArray,
     their_middle: FloatArray,
-    gap: int,
+    gap: Int,
     margin: float,
     way: FloatArray,
     at: IntArray,
@@ -726,7 +726,7 @@ def _weigh(
     other: _Arm,
     q: FloatArray,
     points: FloatArray,
-    gap: int,
+    gap: Int,
     margin: float,
     worth: FloatArray,
     away: FloatArray,
@@ -760,7 +760,7 @@ def _weigh_joints(
     frame: Int,
     point: FloatArray,
     away: FloatArray,
-    step: int,
+    step: Int,
     frames: FloatArray,
     worth: FloatArray,
 ) -> None:

@@ -132,7 +132,7 @@ def _least_delay(
 
     What `step_apart` knows of each pair of bodies is kept in `way` (b, b, 3) and `at` (b, b, 2).
     """
-    met = np.int64(0)  # as a plain 0 it would be a type of its own, for which all would be compiled once more
+    met: Int = np.int64(0)  # as a plain 0 it would be a type of its own, for which all would be compiled once more
     for delay in range(first, end):
         met = _met(one, other, delay, margin, way, at, scratch, met)
         if met < 0:
