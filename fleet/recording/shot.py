@@ -24,10 +24,10 @@ _START_S = 20.0
 """Wall time given to the viewer to answer [s]."""
 _LOAD_S = 120.0
 """Wall time given to it to read the recording [s]."""
-_SETTLE_S = 6.5
-"""Messages of the viewer stay about 5 s of painted time; plots and labels settle within it [s]."""
-_N_PAINTED = 20
-"""Paintings by which everything has loaded, on a machine that paints slowly."""
+_ALIKE = 3
+"""Paintings in a row that are alike when nothing loads any more: meshes, plots and labels come one after the other."""
+_MOST_PAINTED = 20
+"""After so many the picture is taken as it is: something in it moves."""
 _SOFTWARE_VULKAN = Path("/usr/share/vulkan/icd.d")
 
 
@@ -73,20 +73,28 @@ def screenshot(
             time.sleep(0.1)
         if time_s is not None:
             patiently(lambda: client.set_time("sim_time", duration=time_s, play_state="paused"))
-        deadline = time.monotonic() + _SETTLE_S
-        n_painted = 0
-        while time.monotonic() < deadline or n_painted < _N_PAINTED:
-            patiently(lambda: client.take_screenshot(max_size=64))
-            n_painted += 1
-            time.sleep(0.05)
+        picture = _settled(lambda: patiently(client.take_screenshot))
         state = patiently(client.get_state)
         ids = {v.name: v.view_id for v in state.views}
         if view is not None and view not in ids:
             raise RecordingError(f"no view {view!r} in {rrd}; valid: {', '.join(sorted(map(str, ids)))}")
-        png.write_bytes(patiently(lambda: client.take_screenshot(view_id=None if view is None else ids[view])))
+        if view is not None:
+            picture = _settled(lambda: patiently(lambda: client.take_screenshot(view_id=ids[view])))
+        png.write_bytes(picture)
         complaints = [f"{v.name}: {r.severity}: {r.summary}" for v in state.views for r in v.reports]
         complaints += [f"{e.level}: {e.message}" for e in client.get_logs() if e.level == "ERROR"]
         return tuple(complaints)
+
+
+def _settled(paint: Callable[[], bytes]) -> bytes:
+    """Paint until the picture stays the same, as a machine without a graphics card takes a second for each."""
+    picture, n_alike = paint(), 1
+    for _ in range(_MOST_PAINTED - 1):
+        if n_alike == _ALIKE:
+            break
+        before, picture = picture, paint()
+        n_alike = n_alike + 1 if picture == before else 1
+    return picture
 
 
 def _patiently(process: subprocess.Popen[bytes], ask: Callable[[], T]) -> T:

@@ -18,10 +18,12 @@ from scipy.spatial import ConvexHull, QhullError
 
 from planners.errors import PlanningError
 from planners.motion.arrays import FloatArray, Int, IntArray
-from planners.motion.kernel import inlined, kernel
+from planners.motion.kernel import borrowing, inlined, inner_borrowing
 
 _MOST_TURNS = 16  # new directions for one pair of bodies: what is not settled by then counts as too near
 _FLAT = 1e-12  # corners whose volume is that small against their size are no simplex
+SCRATCH = 11, 4
+"""Shape of what `step_apart` writes into."""
 
 
 class Hulls(NamedTuple):
@@ -153,8 +155,10 @@ class ArmStep(NamedTuple):
     """The same at the end."""
 
 
-@kernel
-def step_apart(one: ArmStep, other: ArmStep, distance: float, way: FloatArray, at: IntArray) -> bool:
+@borrowing
+def step_apart(
+    one: ArmStep, other: ArmStep, distance: float, way: FloatArray, at: IntArray, scratch: FloatArray
+) -> bool:
     """Whether one direction keeps two bodies apart at both ends of a step.
 
     Args:
@@ -164,6 +168,7 @@ def step_apart(one: ArmStep, other: ArmStep, distance: float, way: FloatArray, a
         way: A direction to try first, of any length > 0, from one to the other; filled with the last tried.
         at: Corners to climb from, of one and of the other, shape (2,); filled with the last met. -1 if neither they nor
             `way` are known.
+        scratch: Is overwritten, shape `SCRATCH`.
 
     Source: Gilbert, Johnson and Keerthi, A fast procedure for computing the distance between complex objects in
         three-dimensional space, IEEE J. Robotics and Automation 1988; the nearest point of a simplex as in Wolfe,
@@ -175,9 +180,7 @@ def step_apart(one: ArmStep, other: ArmStep, distance: float, way: FloatArray, a
         at[0] = mine.first[one.body]
         at[1] = others.first[other.body]
         _difference(mine, at[0], begin, others, at[1], their_begin, way)
-    simplex = np.empty((4, 3))
-    share = np.empty(4)
-    nearest = np.empty(3)
+    simplex, share, nearest = scratch[:4], scratch[4], scratch[5]
     count = 0
     for _ in range(_MOST_TURNS):
         length = np.sqrt(way[0] ** 2 + way[1] ** 2 + way[2] ** 2)
@@ -195,11 +198,17 @@ def step_apart(one: ArmStep, other: ArmStep, distance: float, way: FloatArray, a
         else:
             _difference(mine, a, begin, others, b, their_begin, simplex[count])
         share[count] = 1.0 if count == 0 else 0.0
-        count = _nearest(simplex, share, count + 1, nearest)
+        count = _nearest(simplex, share, count + 1, nearest, scratch[6:10], scratch[10])
         if count == 0 or nearest[0] ** 2 + nearest[1] ** 2 + nearest[2] ** 2 < distance * distance:
             return False
-        way[:] = nearest
+        _copy(nearest, way)
     return False
+
+
+@inlined
+def _copy(point: FloatArray, out: FloatArray) -> None:
+    for a in range(3):
+        out[a] = point[a]
 
 
 @inlined
@@ -213,14 +222,15 @@ def _difference(
             out[k] += theirs[k, c] * other.corner[b, c] - frame[k, c] * one.corner[a, c]
 
 
-@kernel
-def _nearest(simplex: FloatArray, share: FloatArray, count: int, out: FloatArray) -> int:
+@inner_borrowing
+def _nearest(
+    simplex: FloatArray, share: FloatArray, count: int, out: FloatArray, matrix: FloatArray, weight: FloatArray
+) -> int:
     """Point of a simplex nearest to the origin; only the corners it needs are kept, whose number is returned.
 
     `share` (4,) are weights of a point of the simplex, replaced by those of the nearest; 0 if the corners are flat.
+    `matrix` (4, 4) and `weight` (4,) are overwritten.
     """
-    matrix = np.empty((4, 4))
-    weight = np.empty(4)
     while True:
         # Nearest point of all of the space through the corners: (1 + corner . corner') weight = 1, up to scale.
         scale = 0.0
@@ -259,7 +269,7 @@ def _nearest(simplex: FloatArray, share: FloatArray, count: int, out: FloatArray
         for i in range(count):
             share[kept] = share[i] + part * (weight[i] - share[i])
             if weight[i] > 0.0 or share[kept] > 1e-12:
-                simplex[kept] = simplex[i]
+                _copy(simplex[i], simplex[kept])
                 kept += 1
         if kept == count:
             break

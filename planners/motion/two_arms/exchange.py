@@ -17,12 +17,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planners.motion.arm.hulls import ArmStep, Bodies, step_apart
+from planners.motion.arm.hulls import SCRATCH, ArmStep, Bodies, step_apart
 from planners.motion.arm.kinematics import link_frames_into
 from planners.motion.arrays import FloatArray, Int, IntArray
 from planners.motion.collision.collision import CollisionChecker
 from planners.motion.collision.scene_kernel import SceneArrays, path_free
-from planners.motion.kernel import inlined, inner, inner_borrowing, kernel
+from planners.motion.kernel import borrowing, inlined, inner_borrowing, kernel
 from planners.motion.path.trajectory import Trajectory
 from planners.motion.two_arms.asynchronous import SMOOTHING_S, asynchronous, smoothed, soonest, steps_into
 from planners.motion.two_arms.swept import ArmInWorld
@@ -34,6 +34,7 @@ _SAMPLES = 23  # of an exchange: 0.9 s
 _BOW_M = 0.001
 _BEYOND_M = 0.03  # by how much spheres reach beyond hulls, both together, at most
 _FINE_S = 0.01
+_FINE_SAMPLES = int(_SAMPLES * _STEP_S / _FINE_S) + 1
 _MOST_POLISHED = 42  # joints at most whose push is tried to change at last
 _NEAR_M = 0.02  # spheres nearer than this are pushed apart, too
 _KEPT = 0.5  # how much of what joints were worth counts in the next round
@@ -77,7 +78,7 @@ class Exchange:
     """How long after one's leaving the other may arrive [s]; it may be later for other reasons."""
 
 
-class _Side(NamedTuple):
+class _Arm(NamedTuple):
     """One arm as the kernels see it; everything in the world's frame."""
 
     joints: FloatArray
@@ -89,9 +90,15 @@ class _Side(NamedTuple):
     parts: IntArray
     """As of `SweptArm`."""
     bodies: Bodies
-    scene: SceneArrays
     limits: FloatArray
     """Speed, acceleration, lowest and highest angle of each joint, shape (4, n)."""
+
+
+class _Side(NamedTuple):
+    """What one arm has to do, and among which obstacles."""
+
+    arm: _Arm
+    scene: SceneArrays
     start: FloatArray
     place: FloatArray
     end: FloatArray
@@ -105,13 +112,15 @@ class _Side(NamedTuple):
 class _Meeting(NamedTuple):
     """Two arms that are at the place after each other; in arrays, row 0 is the first one's."""
 
-    one: _Side
-    other: _Side
+    first: Int
+    """Which of the two stays that is."""
+    one: _Arm
+    other: _Arm
     here: FloatArray
     """Their postures at the place, shape (2, n)."""
     there: FloatArray
     """Where the first goes on to, and where the second comes from, shape (2, n)."""
-    most: int
+    most: Int
     """Steps of the longest gap that is of use."""
     spare: FloatArray
     """How long the motions may take [s]: the first goes on while the second stays and leaves, the second waits at its
@@ -119,18 +128,49 @@ class _Meeting(NamedTuple):
 
 
 class _Memory(NamedTuple):
-    """What the kernels write into, for both arms."""
+    """What the kernels write into, as they make no array themselves; those for both arms have the first one's before
+    the other's."""
 
+    ends: FloatArray
+    """`here` and `there` of a meeting, shape (2, 2, n)."""
+    spare: FloatArray
+    """Of a meeting, shape (2,)."""
+    q: FloatArray
+    """Joint angles, shape (2, k, n)."""
     points: FloatArray
     """Centres of spheres, shape (2, k, s, 3)."""
     frames: FloatArray
     """Link frames, shape (2, k, n+1, 3, 4)."""
     middle: FloatArray
     """Middles of bodies, shape (2, k, b, 3)."""
+    fine_q: FloatArray
+    """Joint angles of one arm at finer samples, shape (f, n)."""
+    fine_frames: FloatArray
+    """Link frames there, two copies for each arm, shape (2, 2, f, n+1, 3, 4)."""
+    fine_middle: FloatArray
+    """Middles of bodies there, shape (2, 2, f, b, 3)."""
+    copies: IntArray
+    """Which of its copies is that of an arm's motion, shape (2,)."""
     way: FloatArray
-    """Of each pair of bodies, the direction that kept it apart last, shape (b, b, 3)."""
+    """By which arm is first and for each pair of bodies, the direction that kept it apart last, shape (2, b, b, 3)."""
     at: IntArray
-    """And the corners, shape (b, b, 2); see `step_apart`."""
+    """And the corners, shape (2, b, b, 2); see `step_apart`."""
+    scratch: FloatArray
+    """Of `step_apart`."""
+    gaps: IntArray
+    """Gaps that were found, shape (r,)."""
+    pushes: FloatArray
+    """The pushes for each of them, and at last those that are tried, shape (r+1, 2, n)."""
+    worth: FloatArray
+    """What joints were worth in the tries before, by which arm is first, shape (2, 2, n)."""
+    leg: FloatArray
+    """Joint angles of a whole motion, shape (l, n)."""
+    steps: FloatArray
+    """When the acceleration of a joint rises, and by how much, shape (2, 5)."""
+    away: FloatArray
+    """A direction, shape (3,)."""
+    posture: FloatArray
+    """Link frames of one posture, shape (n+1, 3, 4)."""
 
 
 def exchange(stays: Sequence[Stay], margin_m: float, sample_s: float) -> Exchange | None:
@@ -147,7 +187,10 @@ def exchange(stays: Sequence[Stay], margin_m: float, sample_s: float) -> Exchang
     sides = (_side(stays[0]), _side(stays[1]))
     if sides[0].start.shape != sides[1].start.shape:
         return None
-    (first, i, j), (came_back, left_back), push, gap_s = _search(sides, margin_m + _BOW_M)
+    found, push = np.array([0, -1, -1, 0, 0, 0]), np.zeros((2, len(sides[0].start)))
+    gap_s = _search(sides, *_pairs(sides), margin_m + _BOW_M, _memory(sides), _ways(sides), found, push)
+    first, i, j = found[:3].tolist()
+    came_back, left_back = found[3:5].astype(bool).tolist()
     if i < 0:
         return None
     rows = (i, j) if first == 0 else (j, i)
@@ -181,13 +224,15 @@ def _side(stay: Stay) -> _Side:
         ball=bodies.ball[meets],
     )
     return _Side(
-        joints=joints,
-        spheres=np.ascontiguousarray(arm.spheres[:, :4]),
-        frame=frame,
-        parts=arm.parts[frame[arm.parts[:, 0]] >= _FIRST_FRAME],
-        bodies=bodies,
+        arm=_Arm(
+            joints=joints,
+            spheres=np.ascontiguousarray(arm.spheres[:, :4]),
+            frame=frame,
+            parts=arm.parts[frame[arm.parts[:, 0]] >= _FIRST_FRAME],
+            bodies=bodies,
+            limits=np.array([*limits, model.lower, model.upper], dtype=np.float64),
+        ),
         scene=stay.checker.scene,
-        limits=np.array([*limits, model.lower, model.upper], dtype=np.float64),
         start=np.array(stay.start, dtype=np.float64),
         place=np.array(stay.place, dtype=np.float64),
         end=np.array(stay.beyond, dtype=np.float64)[row],
@@ -197,148 +242,65 @@ def _side(stay: Stay) -> _Side:
     )
 
 
-@kernel
-def _search(
-    sides: tuple[_Side, _Side], margin: float
-) -> tuple[tuple[int, int, int], tuple[bool, bool], FloatArray, float]:
-    """Which arm is first, the postures of the first and the second (-1: none), their pushes, and the gap."""
-    n = sides[0].start.shape[0]
-    pairs = np.empty((2 * _N_POSTURES * _N_POSTURES, 3), dtype=np.int64)
-    total = np.empty(len(pairs))
-    count = 0
+def _pairs(sides: tuple[_Side, _Side]) -> tuple[IntArray, FloatArray]:
+    """Pairs of postures that may be tried, and when all would be done without a gap between them.
+
+    Returns:
+        Which arm is first, its posture and that of the second, shape (p, 3), the soonest first; and [s], shape (p,).
+    """
+    pairs, totals = [], []
     for first in range(2):
         one, other = sides[first], sides[1 - first]
-        come = _different(one.place, one.come)
-        leave = _different(other.place, other.leave)
-        for i in come:
-            for j in leave:
-                pairs[count] = first, i, j
-                total[count] = max(one.come[i] + one.stay, other.come[j]) + other.stay + other.leave[j]
-                count += 1
-    points = np.empty((2, _SAMPLES, max(len(sides[0].spheres), len(sides[1].spheres)), 3))
-    frames = np.empty((2, _SAMPLES, n + 1, 3, 4))
-    n_pairs = max(len(sides[0].bodies.frame), len(sides[1].bodies.frame))
-    middle = np.empty((2, _SAMPLES, n_pairs, 3))
-    way = np.empty((2, n_pairs, n_pairs, 3))
-    at = np.full((2, n_pairs, n_pairs, 2), -1)
-    ways = np.zeros((2, 2, max(len(sides[0].place), len(sides[1].place))), dtype=np.int64)
-    best = np.inf
-    found = (0, -1, -1)
-    found_back = (False, False)
-    found_push = np.zeros((2, n))
-    found_gap = 0
-    tries = 0
-    carried = np.zeros((2, 2, n))
-    for k in np.argsort(total[:count], kind="mergesort"):
-        if total[k] >= best or tries == _N_TRIES:
-            break
-        first, i, j = pairs[k]
-        one, other = sides[first], sides[1 - first]
-        if ways[first, 0, i] == _UNKNOWN:
-            ways[first, 0, i] = _way(one, one.place[i], one.start)
-        if ways[first, 0, i] == _BLOCKED:
-            continue
-        if ways[1 - first, 1, j] == _UNKNOWN:
-            ways[1 - first, 1, j] = _way(other, other.place[j], other.end[j])
-        if ways[1 - first, 1, j] == _BLOCKED:
-            continue
-        tries += 1
-        most = _SAMPLES - 2
-        after = one.come[i] + one.stay + other.stay + other.leave[j]  # without a gap
-        if best < np.inf:
-            most = min(most, int(np.ceil((best - after) / _STEP_S - 1e-6)) - 1)
-        memory = _Memory(points, frames, middle, way[first], at[first])
-        gap, push = _parted(_meeting(one, i, other, j, most), margin, memory, carried[first])
-        if gap > most:
-            continue
-        promised = max(total[k], after + gap * _STEP_S, one.come[i] + one.stay + one.leave[i])
-        if promised >= best:
-            continue
-        best = promised
-        found = (first, i, j)
-        found_back = (ways[first, 0, i] == _BACKWARDS, ways[1 - first, 1, j] == _BACKWARDS)
-        found_push = push
-        found_gap = gap
-    gap_s = found_gap * _STEP_S
-    if found[1] >= 0 and found_gap > 0:
-        one, other = sides[found[0]], sides[1 - found[0]]
-        meeting = _meeting(one, found[1], other, found[2], found_gap)
-        gap_s = _polished(meeting, margin, way[found[0]], at[found[0]], found_push)
-    return found, found_back, found_push, gap_s
+        come, leave = _different(one.place, one.come), _different(other.place, other.leave)
+        i, j = np.repeat(come, len(leave)), np.tile(leave, len(come))
+        pairs.append(np.column_stack([np.full(len(i), first), i, j]))
+        totals.append(np.maximum(one.come[i] + one.stay, other.come[j]) + other.stay + other.leave[j])
+    total = np.concatenate(totals)
+    order = np.argsort(total, kind="stable")
+    return np.concatenate(pairs)[order], total[order]
 
 
-@inner
-def _meeting(one: _Side, i: Int, other: _Side, j: Int, most: int) -> _Meeting:
-    """Posture i of the first arm, and posture j of the second."""
-    here = np.empty((2, one.start.shape[0]))
-    there = np.empty((2, one.start.shape[0]))
-    here[0], here[1] = one.place[i], other.place[j]
-    there[0], there[1] = one.end[i], other.start
-    spare = np.empty(2)
-    spare[0] = most * _STEP_S + other.stay + other.leave[j]
-    spare[1] = one.come[i] + one.stay + most * _STEP_S
-    return _Meeting(one, other, here, there, most, spare)
+def _ways(sides: tuple[_Side, _Side]) -> IntArray:
+    """What is known of the ways of each arm to and from each of its postures, shape (2, 2, k)."""
+    return np.full((2, 2, max(len(side.place) for side in sides)), _UNKNOWN)
 
 
-@inner
-def _polished(meeting: _Meeting, margin: float, way: FloatArray, at: IntArray, push: FloatArray) -> float:
-    """Change the pushes joint by joint as long as that shortens the gap; which is returned [s]."""
-    one, other, here, there, spare = meeting.one, meeting.other, meeting.here, meeting.there, meeting.spare
-    most = meeting.most
-    n = here.shape[1]
-    sides = (one, other)
-    samples = int(_SAMPLES * _STEP_S / _FINE_S) + 1
-    q = np.empty((samples, n))
-    frames = np.empty((2, samples, n + 1, 3, 4))
-    middle = np.empty((2, samples, way.shape[0], 3))
-    for s in range(2):
-        _sampled(here[s], there[s], sides[s].limits, push[s], _FINE_S, q)
-        _place(sides[s], q, frames[s], middle[s])
-    gap = int(np.ceil(most * _STEP_S / _FINE_S))
-    while gap > 0 and _met(one, other, frames, middle, gap - 1, margin, way, at, 0) < 0:
-        gap -= 1
-    tried = frames.copy()
-    tried_middle = middle.copy()
-    guess = 0
-    idle = 0  # joints since the last that helped
-    turn = 0
-    while gap > 0 and idle < 2 * n and turn < _MOST_POLISHED:
-        s, a = turn // n % 2, turn % n
-        turn += 1
-        idle += 1
-        kept = push[s, a]
-        for side in (-1.0, 0.0, 1.0):
-            if side == kept or not _allowed(here[s, a], there[s, a], sides[s].limits, a, side, spare[s]):
-                continue
-            push[s, a] = side
-            _sampled(here[s], there[s], sides[s].limits, push[s], _FINE_S, q)
-            _place(sides[s], q, tried[s], tried_middle[s])
-            met = _met(one, other, tried, tried_middle, gap - 1, margin, way, at, guess)
-            if met < 0 and _leg_free(sides[s], here[s], there[s], push[s]):
-                kept = side
-                idle = 0
-                frames[s] = tried[s]
-                middle[s] = tried_middle[s]
-                while gap > 0 and met < 0:
-                    gap -= 1
-                    met = _met(one, other, frames, middle, gap - 1, margin, way, at, guess) if gap > 0 else 0
-            guess = max(met, 0)
-        push[s, a] = kept
-        tried[s] = frames[s]
-        tried_middle[s] = middle[s]
-    return gap * _FINE_S
+def _memory(sides: tuple[_Side, _Side]) -> _Memory:
+    n = len(sides[0].start)
+    n_spheres = max(len(side.arm.spheres) for side in sides)
+    n_bodies = max(len(side.arm.bodies.frame) for side in sides)
+    n_leg = 0
+    for side in sides:
+        turn = np.ptp(np.concatenate([side.start[None], side.place, side.end]), axis=0)
+        velocity, acceleration = side.arm.limits[:2]
+        # Pushed the other way, a joint takes as long again to stop and has further to go: no motion takes longer.
+        longest = 2 * PUSH_S + (turn + acceleration * PUSH_S**2) / velocity + velocity / acceleration + SMOOTHING_S
+        n_leg = max(n_leg, int(longest.max() / _STEP_S) + 2)
+    return _Memory(
+        ends=np.empty((2, 2, n)),
+        spare=np.empty(2),
+        q=np.empty((2, _SAMPLES, n)),
+        points=np.empty((2, _SAMPLES, n_spheres, 3)),
+        frames=np.empty((2, _SAMPLES, n + 1, 3, 4)),
+        middle=np.empty((2, _SAMPLES, n_bodies, 3)),
+        fine_q=np.empty((_FINE_SAMPLES, n)),
+        fine_frames=np.empty((2, 2, _FINE_SAMPLES, n + 1, 3, 4)),
+        fine_middle=np.empty((2, 2, _FINE_SAMPLES, n_bodies, 3)),
+        copies=np.zeros(2, dtype=np.int64),
+        way=np.empty((2, n_bodies, n_bodies, 3)),
+        at=np.full((2, n_bodies, n_bodies, 2), -1),
+        scratch=np.empty(SCRATCH),
+        gaps=np.empty(_N_ROUNDS, dtype=np.int64),
+        pushes=np.empty((_N_ROUNDS + 1, 2, n)),
+        worth=np.zeros((2, 2, n)),
+        leg=np.empty((n_leg, n)),
+        steps=np.empty((2, 5)),
+        away=np.empty(3),
+        posture=np.empty((n + 1, 3, 4)),
+    )
 
 
-@inner
-def _way(side: _Side, here: FloatArray, there: FloatArray) -> int:
-    """In which direction of time a motion without pushes meets no obstacle."""
-    nothing = np.zeros(here.shape[0])
-    if _leg_free(side, here, there, nothing):
-        return _FORWARDS
-    return _BACKWARDS if _leg_free(side, there, here, nothing) else _BLOCKED
-
-
-@inner
+@kernel
 def _different(postures: FloatArray, times: FloatArray) -> IntArray:
     """Rows of the soonest postures that differ from all before."""
     rows = np.empty(_N_POSTURES, dtype=np.int64)
@@ -360,13 +322,157 @@ def _different(postures: FloatArray, times: FloatArray) -> IntArray:
     return rows[:count]
 
 
-@inner
+# A plain number in a call would be a type of its own, for which numba compiles the callee once more; so `np.int64(0)`.
+
+
+@borrowing
+def _search(
+    sides: tuple[_Side, _Side],
+    pairs: IntArray,
+    total: FloatArray,
+    margin: float,
+    memory: _Memory,
+    ways: IntArray,
+    found: IntArray,
+    push: FloatArray,
+) -> float:
+    """Try pairs of postures; the gap that was found [s].
+
+    Fills `found` (6,) with which arm is first, the postures of the first and the second, whether they come and go
+    backwards, and the gap in steps; and `push` (2, n).
+    """
+    best = np.inf
+    tries = 0
+    for k in range(len(total)):
+        if total[k] >= best or tries == _N_TRIES:
+            break
+        first, i, j = pairs[k, 0], pairs[k, 1], pairs[k, 2]
+        one, other = sides[first], sides[1 - first]
+        if ways[first, 0, i] == _UNKNOWN:
+            ways[first, 0, i] = _way(one, one.place[i], one.start, memory)
+        if ways[first, 0, i] == _BLOCKED:
+            continue
+        if ways[1 - first, 1, j] == _UNKNOWN:
+            ways[1 - first, 1, j] = _way(other, other.place[j], other.end[j], memory)
+        if ways[1 - first, 1, j] == _BLOCKED:
+            continue
+        tries += 1
+        most: Int = np.int64(_SAMPLES - 2)
+        after = one.come[i] + one.stay + other.stay + other.leave[j]  # without a gap
+        if best < np.inf:
+            most = min(most, int(np.ceil((best - after) / _STEP_S - 1e-6)) - 1)
+        row, gap = _parted(_meeting(first, one, i, other, j, most, memory), one.scene, other.scene, margin, memory)
+        if gap > most:
+            continue
+        promised = max(total[k], after + gap * _STEP_S, one.come[i] + one.stay + one.leave[i])
+        if promised >= best:
+            continue
+        best = promised
+        found[0], found[1], found[2] = first, i, j
+        found[3], found[4] = ways[first, 0, i] == _BACKWARDS, ways[1 - first, 1, j] == _BACKWARDS
+        found[5] = gap
+        _copy(memory.pushes[row], push)
+    if found[1] < 0 or found[5] == 0:
+        return float(found[5]) * _STEP_S
+    one, other = sides[found[0]], sides[1 - found[0]]
+    meeting = _meeting(found[0], one, found[1], other, found[2], found[5], memory)
+    return _polished(meeting, one.scene, other.scene, margin, memory, push)
+
+
+@inner_borrowing
+def _copy(rows: FloatArray, out: FloatArray) -> None:
+    for s in range(rows.shape[0]):
+        for a in range(rows.shape[1]):
+            out[s, a] = rows[s, a]
+
+
+@inlined  # a call would copy both sides
+def _meeting(first: Int, one: _Side, i: Int, other: _Side, j: Int, most: Int, memory: _Memory) -> _Meeting:
+    """Posture i of the first arm, and posture j of the second."""
+    here, there, spare = memory.ends[0], memory.ends[1], memory.spare
+    for a in range(here.shape[1]):
+        here[0, a], here[1, a] = one.place[i, a], other.place[j, a]
+        there[0, a], there[1, a] = one.end[i, a], other.start[a]
+    spare[0] = most * _STEP_S + other.stay + other.leave[j]
+    spare[1] = one.come[i] + one.stay + most * _STEP_S
+    return _Meeting(first, one.arm, other.arm, here, there, most, spare)
+
+
+@inner_borrowing
+def _polished(
+    meeting: _Meeting, scene: SceneArrays, their_scene: SceneArrays, margin: float, memory: _Memory, push: FloatArray
+) -> float:
+    """Change the pushes joint by joint as long as that shortens the gap; which is returned [s]."""
+    one, other, here, there, spare = meeting.one, meeting.other, meeting.here, meeting.there, meeting.spare
+    q, frames, middle, copies = memory.fine_q, memory.fine_frames, memory.fine_middle, memory.copies
+    way, at, scratch, steps = memory.way[meeting.first], memory.at[meeting.first], memory.scratch, memory.steps
+    n = here.shape[1]
+    guess: Int = np.int64(0)
+    for s in range(2):
+        copies[s] = 0
+        _move(meeting, s, push, _FINE_S, steps, q, frames[s, 0], middle[s, 0])
+    gap = int(np.ceil(meeting.most * _STEP_S / _FINE_S))
+    met: Int = np.int64(-1)
+    while gap > 0 and met < 0:
+        f, g = copies[0], copies[1]
+        met = _met(one, other, frames[0, f], frames[1, g], middle[0, f], middle[1, g], gap - 1, margin, way, at, scratch, guess)  # noqa: E501  # fmt: skip
+        if met < 0:
+            gap -= 1
+    idle = 0  # joints since the last that helped
+    turn = 0
+    while gap > 0 and idle < 2 * n and turn < _MOST_POLISHED:
+        s, a = turn // n % 2, turn % n
+        limits = one.limits if s == 0 else other.limits
+        turn += 1
+        idle += 1
+        kept = push[s, a]
+        for side in (-1.0, 0.0, 1.0):
+            if side == kept or not _allowed(here[s, a], there[s, a], limits, a, side, spare[s], steps):
+                continue
+            push[s, a] = side
+            copies[s] = 1 - copies[s]
+            _move(meeting, s, push, _FINE_S, steps, q, frames[s, copies[s]], middle[s, copies[s]])
+            f, g = copies[0], copies[1]
+            met = _met(one, other, frames[0, f], frames[1, g], middle[0, f], middle[1, g], gap - 1, margin, way, at, scratch, guess)  # noqa: E501  # fmt: skip
+            if met < 0 and _leg_free(limits, scene if s == 0 else their_scene, here[s], there[s], push[s], memory):
+                kept = side
+                idle = 0
+                while gap > 0 and met < 0:
+                    gap -= 1
+                    if gap > 0:
+                        met = _met(one, other, frames[0, f], frames[1, g], middle[0, f], middle[1, g], gap - 1, margin, way, at, scratch, guess)  # noqa: E501  # fmt: skip
+                    else:
+                        met = np.int64(0)
+            else:
+                copies[s] = 1 - copies[s]
+            guess = max(met, np.int64(0))
+        push[s, a] = kept
+    return gap * _FINE_S
+
+
+@inner_borrowing
+def _way(side: _Side, here: FloatArray, there: FloatArray, memory: _Memory) -> int:
+    """In which direction of time a motion without pushes meets no obstacle."""
+    nothing = memory.pushes[_N_ROUNDS, 0]
+    for a in range(len(nothing)):
+        nothing[a] = 0.0
+    if _leg_free(side.arm.limits, side.scene, here, there, nothing, memory):
+        return _FORWARDS
+    return _BACKWARDS if _leg_free(side.arm.limits, side.scene, there, here, nothing, memory) else _BLOCKED
+
+
+@inner_borrowing
 def _sampled(
-    here: FloatArray, there: FloatArray, limits: FloatArray, push: FloatArray, step: float, q: FloatArray
+    here: FloatArray,
+    there: FloatArray,
+    limits: FloatArray,
+    push: FloatArray,
+    step: float,
+    steps: FloatArray,
+    q: FloatArray,
 ) -> None:
-    """Fill samples (k, n) of the motion from `here` with its push."""
-    at = np.empty(5)
-    height = np.empty(5)
+    """Fill samples (k, n) of the motion from `here` with its push; `steps` (2, 5) is overwritten."""
+    at, height = steps[0], steps[1]
     for j in range(here.shape[0]):
         steps_into(there[j] - here[j], limits[0, j], limits[1, j], push[j], PUSH_S, at, height)
         for k in range(q.shape[0]):
@@ -376,62 +482,66 @@ def _sampled(
                 q[k, j] = here[j] + smoothed(k * step, at, height, SMOOTHING_S)[0]
 
 
-@inner
-def _leg_free(side: _Side, here: FloatArray, there: FloatArray, push: FloatArray) -> bool:
+@inner_borrowing
+def _leg_free(
+    limits: FloatArray, scene: SceneArrays, here: FloatArray, there: FloatArray, push: FloatArray, memory: _Memory
+) -> bool:
     """Whether the motion from `here` meets no obstacle."""
     longest = 0.0
     for j in range(here.shape[0]):
-        longest = max(longest, _joint_s(here[j], there[j], side.limits, j, push[j]))
-    q = np.empty((int(np.ceil(longest / _STEP_S)) + 1, here.shape[0]))
-    _sampled(here, there, side.limits, push, _STEP_S, q)
-    return path_free(q, side.scene)
+        longest = max(longest, _joint_s(here[j], there[j], limits, j, push[j], memory.steps))
+    q = memory.leg[: int(np.ceil(longest / _STEP_S)) + 1]
+    _sampled(here, there, limits, push, _STEP_S, memory.steps, q)
+    return path_free(q, scene)
 
 
-@inner
-def _allowed(here: float, there: float, limits: FloatArray, a: int, side: float, spare: float) -> bool:
+@inner_borrowing
+def _allowed(here: float, there: float, limits: FloatArray, a: int, side: float, spare: float, steps: FloatArray) -> bool:  # noqa: E501  # fmt: skip
     """Whether a push keeps a joint inside its limits and its time."""
     swing = here + side * limits[1, a] * PUSH_S**2
-    return side == 0.0 or (limits[2, a] <= swing <= limits[3, a] and _joint_s(here, there, limits, a, side) <= spare)
+    inside = limits[2, a] <= swing <= limits[3, a]
+    return side == 0.0 or (inside and _joint_s(here, there, limits, a, side, steps) <= spare)
 
 
-@inner
-def _joint_s(here: float, there: float, limits: FloatArray, j: int, push: float) -> float:
+@inner_borrowing
+def _joint_s(here: float, there: float, limits: FloatArray, j: int, push: float, steps: FloatArray) -> float:
     """Time of one joint's motion."""
-    at = np.empty(5)
-    height = np.empty(5)
-    return steps_into(there - here, limits[0, j], limits[1, j], push, PUSH_S, at, height) + SMOOTHING_S
+    return steps_into(there - here, limits[0, j], limits[1, j], push, PUSH_S, steps[0], steps[1]) + SMOOTHING_S
 
 
-@inner
-def _parted(meeting: _Meeting, margin: float, memory: _Memory, worth: FloatArray) -> tuple[int, FloatArray]:
-    """Shortest gap found between one's leaving and the other's arrival in steps (most + 1: none), and the pushes."""
+@inner_borrowing
+def _parted(
+    meeting: _Meeting, scene: SceneArrays, their_scene: SceneArrays, margin: float, memory: _Memory
+) -> tuple[int, Int]:
+    """Shortest gap found between one's leaving and the other's arrival in steps (most + 1: none), after its push's row.
+
+    The pushes are in that row of `memory.pushes`.
+    """
     one, other, here, there, spare = meeting.one, meeting.other, meeting.here, meeting.there, meeting.spare
-    points, frames, middle, way, at = memory.points, memory.frames, memory.middle, memory.way, memory.at
-    most = meeting.most
+    q, points, frames, middle, steps = memory.q, memory.points, memory.frames, memory.middle, memory.steps
+    way, at, scratch = memory.way[meeting.first], memory.at[meeting.first], memory.scratch
+    gaps, pushes, worth = memory.gaps, memory.pushes, memory.worth[meeting.first]
+    push = pushes[_N_ROUNDS]
     n = here.shape[1]
-    sides = (one, other)
-    q = np.empty((2, _SAMPLES, n))
-    push = np.zeros((2, n))
     n_found = 0
-    found_gap = np.empty(_N_ROUNDS, dtype=np.int64)
-    found_push = np.empty((_N_ROUNDS, 2, n))
-    away, posture = np.empty(3), np.empty((n + 1, 3, 4))  # room to weigh in
-    gap = most
-    guess = 0
+    gap: Int = meeting.most
+    guess: Int = np.int64(0)
+    for s in range(2):
+        for a in range(n):
+            push[s, a] = 0.0
     _choose(worth, here, there, push)
     for turn in range(_N_ROUNDS):
         for s in range(2):
-            limits = sides[s].limits
+            limits = one.limits if s == 0 else other.limits
             for a in range(n):
-                if not _allowed(here[s, a], there[s, a], limits, a, push[s, a], spare[s]):
+                if not _allowed(here[s, a], there[s, a], limits, a, push[s, a], spare[s], steps):
                     push[s, a] = 0.0
-            _sampled(here[s], there[s], limits, push[s], _STEP_S, q[s])
-            _place(sides[s], q[s], frames[s], middle[s])
+            _move(meeting, s, push, _STEP_S, steps, q[s], frames[s], middle[s])
         better = False
-        low = -1  # no gap below is looked for, this one meets
+        low: Int = -1  # no gap below is looked for, this one meets
         while gap > low:
             half = gap if turn > 0 and low < 0 else (gap + low + 1) // 2
-            met = _met(one, other, frames, middle, half, margin, way, at, guess)
+            met = _met(one, other, frames[0], frames[1], middle[0], middle[1], half, margin, way, at, scratch, guess)
             if met < 0:
                 gap = half - 1
                 better = True
@@ -441,31 +551,35 @@ def _parted(meeting: _Meeting, margin: float, memory: _Memory, worth: FloatArray
                     break
                 low = half
         if better:
-            found_gap[n_found] = gap + 1
-            found_push[n_found] = push
+            gaps[n_found] = gap + 1
+            _copy(push, pushes[n_found])
             n_found += 1
         if gap < 0 or turn == _N_ROUNDS - 1:
             break
+        _place_spheres(one, frames[0], points[0])
+        _place_spheres(other, frames[1], points[1])
         for s in range(2):
-            _place_spheres(sides[s], frames[s], points[s])
-        worth *= _KEPT
-        _weigh(one, other, q, points, gap, margin - _BEYOND_M, worth, away, posture)
+            for a in range(n):
+                worth[s, a] *= _KEPT
+        _weigh(one, other, q, points, gap, margin - _BEYOND_M, worth, memory.away, memory.posture)
         same = _choose(worth, here, there, push)
         if same:
             break
     for k in range(n_found - 1, -1, -1):
-        own = found_push[k]
-        if _leg_free(one, here[0], there[0], own[0]) and _leg_free(other, here[1], there[1], own[1]):
-            return found_gap[k], own
-    return most + 1, push
+        mine = _leg_free(one.limits, scene, here[0], there[0], pushes[k, 0], memory)
+        if mine and _leg_free(other.limits, their_scene, here[1], there[1], pushes[k, 1], memory):
+            return k, gaps[k]
+    return _N_ROUNDS, meeting.most + 1
 
 
-@inner
+@inner_borrowing
 def _choose(worth: FloatArray, here: FloatArray, there: FloatArray, push: FloatArray) -> bool:
     """Fill the pushes of the joints that are worth most (2, n); whether they were the same before."""
     same = True
     for s in range(2):
-        most_worth = np.abs(worth[s]).max()
+        most_worth = 0.0
+        for a in range(worth.shape[1]):
+            most_worth = max(most_worth, abs(worth[s, a]))
         for a in range(worth.shape[1]):
             side = 0.0
             if abs(worth[s, a]) > _IDLE * most_worth:
@@ -478,11 +592,29 @@ def _choose(worth: FloatArray, here: FloatArray, there: FloatArray, push: FloatA
 
 
 @inner_borrowing
-def _place(side: _Side, q: FloatArray, frames: FloatArray, middle: FloatArray) -> None:
+def _move(
+    meeting: _Meeting,
+    s: int,
+    push: FloatArray,
+    step: float,
+    steps: FloatArray,
+    q: FloatArray,
+    frames: FloatArray,
+    middle: FloatArray,
+) -> None:
+    """Fill samples (k, n) of one arm's motion away from the place, its link frames and the middles of its bodies."""
+    arm = meeting.one if s == 0 else meeting.other
+    _sampled(meeting.here[s], meeting.there[s], arm.limits, push[s], step, steps, q)
+    _place(arm.joints, arm.bodies.ball, arm.bodies.frame, q, frames, middle)
+
+
+@inner_borrowing
+def _place(
+    joints: FloatArray, ball: FloatArray, frame: IntArray, q: FloatArray, frames: FloatArray, middle: FloatArray
+) -> None:
     """Fill link frames (k, n+1, 3, 4) and middles of bodies (k, b, 3) in the world."""
-    ball, frame = side.bodies.ball, side.bodies.frame
     for k in range(q.shape[0]):
-        link_frames_into(side.joints, q[k], frames[k])
+        link_frames_into(joints, q[k], frames[k])
         for b in range(ball.shape[0]):
             f = frame[b]
             for a in range(3):
@@ -492,9 +624,9 @@ def _place(side: _Side, q: FloatArray, frames: FloatArray, middle: FloatArray) -
 
 
 @inner_borrowing
-def _place_spheres(side: _Side, frames: FloatArray, points: FloatArray) -> None:
+def _place_spheres(arm: _Arm, frames: FloatArray, points: FloatArray) -> None:
     """Fill sphere centres (k, s, 3) in the world."""
-    spheres, frame = side.spheres, side.frame
+    spheres, frame = arm.spheres, arm.frame
     for k in range(frames.shape[0]):
         for s in range(spheres.shape[0]):
             f = frame[s]
@@ -507,7 +639,7 @@ def _place_spheres(side: _Side, frames: FloatArray, points: FloatArray) -> None:
 
 @inlined  # a call would copy both sides
 def _deepest(
-    one: _Side, a: FloatArray, other: _Side, b: FloatArray, margin: float, least: float
+    one: _Arm, a: FloatArray, other: _Arm, b: FloatArray, margin: float, least: float
 ) -> tuple[float, int, int]:
     """The least distance of two spheres beyond the margin, if below `least`, and which these are (-1: none)."""
     s_least = -1
@@ -540,7 +672,7 @@ def _square(a: FloatArray, b: FloatArray) -> float:
 
 
 @inlined
-def _moment(k: int, gap: int, samples: int) -> tuple[int, int]:
+def _moment(k: Int, gap: Int, samples: int) -> tuple[Int, Int]:
     """Samples of both arms at moment k of an exchange: in step, then each against the other at the place."""
     if k <= gap:
         return k, gap - k
@@ -549,20 +681,23 @@ def _moment(k: int, gap: int, samples: int) -> tuple[int, int]:
     return 0, k - samples + gap + 1
 
 
-@inner
+@inner_borrowing
 def _met(
-    one: _Side,
-    other: _Side,
+    one: _Arm,
+    other: _Arm,
     frames: FloatArray,
+    their_frames: FloatArray,
     middle: FloatArray,
-    gap: int,
+    their_middle: FloatArray,
+    gap: Int,
     margin: float,
     way: FloatArray,
     at: IntArray,
-    guess: int,
+    scratch: FloatArray,
+    guess: Int,
 ) -> int:
     """A moment of an exchange at which the arms are not apart, looking from a guess onwards; -1 for none."""
-    samples = frames.shape[1]
+    samples = frames.shape[0]
     last = 2 * samples - gap - 2
     ball, theirs = one.bodies.ball, other.bodies.ball
     for turn in range(last + 1):
@@ -571,27 +706,27 @@ def _met(
         for p in range(ball.shape[0]):
             for r in range(theirs.shape[0]):
                 size = ball[p, 3] + theirs[r, 3] + margin
-                x = middle[0, s, p, 0] - middle[1, t, r, 0]
-                y = middle[0, s, p, 1] - middle[1, t, r, 1]
-                z = middle[0, s, p, 2] - middle[1, t, r, 2]
+                x = middle[s, p, 0] - their_middle[t, r, 0]
+                y = middle[s, p, 1] - their_middle[t, r, 1]
+                z = middle[s, p, 2] - their_middle[t, r, 2]
                 if x * x + y * y + z * z < size * size:
                     s_end, t_end = _moment(min(k + 1, last), gap, samples)
                     f, g = one.bodies.frame[p], other.bodies.frame[r]
                     distance = margin + one.bodies.radius[p] + other.bodies.radius[r]
-                    mine = ArmStep(one.bodies.hulls, p, frames[0, s, f], frames[0, s_end, f])
-                    others = ArmStep(other.bodies.hulls, r, frames[1, t, g], frames[1, t_end, g])
-                    if not step_apart(mine, others, distance, way[p, r], at[p, r]):
+                    mine = ArmStep(one.bodies.hulls, p, frames[s, f], frames[s_end, f])
+                    others = ArmStep(other.bodies.hulls, r, their_frames[t, g], their_frames[t_end, g])
+                    if not step_apart(mine, others, distance, way[p, r], at[p, r], scratch):
                         return int(k)
     return -1
 
 
 @inner_borrowing
 def _weigh(
-    one: _Side,
-    other: _Side,
+    one: _Arm,
+    other: _Arm,
     q: FloatArray,
     points: FloatArray,
-    gap: int,
+    gap: Int,
     margin: float,
     worth: FloatArray,
     away: FloatArray,
@@ -609,31 +744,34 @@ def _weigh(
         length = np.sqrt(_square(points[0, s, u], points[1, t, v])) + 1e-9
         for a in range(3):
             away[a] = (_NEAR_M - least) * (points[0, s, u, a] - points[1, t, v, a]) / length
-        _weigh_joints(one, q[0, s], one.frame[u], points[0, s, u], away, s, frames, worth[0])
+        _weigh_joints(one.joints, one.limits[1], q[0, s], one.frame[u], points[0, s, u], away, s, frames, worth[0])
         for a in range(3):
             away[a] = -away[a]
-        _weigh_joints(other, q[1, t], other.frame[v], points[1, t, v], away, t, frames, worth[1])
+        _weigh_joints(
+            other.joints, other.limits[1], q[1, t], other.frame[v], points[1, t, v], away, t, frames, worth[1]
+        )
 
 
 @inner_borrowing
 def _weigh_joints(
-    side: _Side,
+    joints: FloatArray,
+    acceleration: FloatArray,
     q: FloatArray,
     frame: Int,
     point: FloatArray,
     away: FloatArray,
-    step: int,
+    step: Int,
     frames: FloatArray,
     worth: FloatArray,
 ) -> None:
     pushed = max(0.0, step * _STEP_S - 0.5 * SMOOTHING_S)
     if pushed == 0.0:
         return
-    link_frames_into(side.joints, q, frames)
+    link_frames_into(joints, q, frames)
     for j in range(min(frame, q.shape[0])):
         x = point[0] - frames[j + 1, 0, 3]
         y = point[1] - frames[j + 1, 1, 3]
         z = point[2] - frames[j + 1, 2, 3]
         ax, ay, az = frames[j + 1, 0, 2], frames[j + 1, 1, 2], frames[j + 1, 2, 2]
         turn = away[0] * (ay * z - az * y) + away[1] * (az * x - ax * z) + away[2] * (ax * y - ay * x)
-        worth[j] += turn * side.limits[1, j] * pushed * pushed
+        worth[j] += turn * acceleration[j] * pushed * pushed

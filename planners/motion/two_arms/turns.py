@@ -12,10 +12,10 @@ from typing import NamedTuple
 import numpy as np
 
 from planners.errors import PlanningError
-from planners.motion.arm.hulls import ArmStep, Bodies, step_apart
+from planners.motion.arm.hulls import SCRATCH, ArmStep, Bodies, step_apart
 from planners.motion.arm.kinematics import link_frames_into
-from planners.motion.arrays import FloatArray, IntArray
-from planners.motion.kernel import inner, kernel
+from planners.motion.arrays import FloatArray, Int, IntArray
+from planners.motion.kernel import borrowing, inner_borrowing, kernel
 from planners.motion.path.timed_path import TimedPath
 from planners.motion.status import MotionStatus
 from planners.motion.two_arms.diagram import MARGIN_M
@@ -64,7 +64,10 @@ def in_turn(
         steps = [path.step_s for path in paths]
         raise PlanningError(f"in_turn: margin_m {margin_m}, steps {steps} s; valid: >= 0, and equal steps")
     first, second = (_moving(arm, path) for arm, path in zip(arms, paths, strict=True))
-    delay = _least_delay(first, second, delays.start, delays.stop, max(float(margin_m), _TOUCH_M))
+    n_bodies = first.middle.shape[1], second.middle.shape[1]
+    way, at = np.empty((*n_bodies, 3)), np.full((*n_bodies, 2), -1)
+    distance = max(float(margin_m), _TOUCH_M)
+    delay = _least_delay(first, second, delays.start, delays.stop, distance, way, at, np.empty(SCRATCH))
     if delay < 0:
         return Schedule(status=MotionStatus.NO_SOLUTION, index=np.empty((0, 2), dtype=np.int64), step_s=step_s)
     k, m = len(paths[0].q), len(paths[1].q)
@@ -114,21 +117,40 @@ def _place(
                 middle[k, s, a] = entry
 
 
-@kernel
-def _least_delay(one: _Moving, other: _Moving, first: int, end: int, margin: float) -> int:
-    """Steps that the other arm has to begin late, at least `first` and below `end`; -1 for none."""
-    way = np.empty((one.middle.shape[1], other.middle.shape[1], 3))
-    at = np.full((one.middle.shape[1], other.middle.shape[1], 2), -1)
-    met = 0
+@borrowing
+def _least_delay(
+    one: _Moving,
+    other: _Moving,
+    first: int,
+    end: int,
+    margin: float,
+    way: FloatArray,
+    at: IntArray,
+    scratch: FloatArray,
+) -> int:
+    """Steps that the other arm has to begin late, at least `first` and below `end`; -1 for none.
+
+    What `step_apart` knows of each pair of bodies is kept in `way` (b, b, 3) and `at` (b, b, 2).
+    """
+    met: Int = np.int64(0)  # as a plain 0 it would be a type of its own, for which all would be compiled once more
     for delay in range(first, end):
-        met = _met(one, other, delay, margin, way, at, met)
+        met = _met(one, other, delay, margin, way, at, scratch, met)
         if met < 0:
             return delay
     return -1
 
 
-@inner
-def _met(one: _Moving, other: _Moving, delay: int, margin: float, way: FloatArray, at: IntArray, guess: int) -> int:
+@inner_borrowing
+def _met(
+    one: _Moving,
+    other: _Moving,
+    delay: int,
+    margin: float,
+    way: FloatArray,
+    at: IntArray,
+    scratch: FloatArray,
+    guess: Int,
+) -> int:
     """A step during which the arms are not apart, looking from a guess onwards; -1 for none."""
     middle, their_middle, wide, their_wide = one.middle, other.middle, one.wide, other.wide
     k, m = middle.shape[0], their_middle.shape[0]
@@ -148,6 +170,6 @@ def _met(one: _Moving, other: _Moving, delay: int, margin: float, way: FloatArra
                     distance = margin + one.bow[i, p] + other.bow[j, r]
                     mine = ArmStep(one.bodies.hulls, p, one.frames[i, f], one.frames[end, f])
                     theirs = ArmStep(other.bodies.hulls, r, other.frames[j, g], other.frames[their_end, g])
-                    if not step_apart(mine, theirs, distance, way[p, r], at[p, r]):
+                    if not step_apart(mine, theirs, distance, way[p, r], at[p, r], scratch):
                         return int(step)
     return -1

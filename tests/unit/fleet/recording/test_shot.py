@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from fleet.recording import Header, RecordingError, RerunRecorder
-from fleet.recording.shot import TooSlow, _patiently, parse_size, screenshot
+from fleet.recording.shot import TooSlow, _patiently, _settled, parse_size, screenshot
 from tests.unit.fleet.recording.conftest import made_up_frames, made_up_scene
 
 SOFTWARE_DRIVER = any(Path("/usr/share/vulkan/icd.d").glob("lvp_icd*.json"))
@@ -41,6 +41,17 @@ def test_a_viewer_that_ends_after_it_has_answered_has_no_graphics_driver() -> No
         process.wait()
         with pytest.raises(RecordingError, match=r"no graphics driver found; .*mesa-vulkan-drivers"):
             _patiently(process, ask)
+
+
+@pytest.mark.parametrize(
+    ("painted", "taken", "n_paintings"),
+    [("aaa", "a", 3), ("abccc", "c", 5), ("abababaaa", "a", 9), ("ab" * 20, "b", 20)],
+)
+def test_a_picture_is_taken_when_it_stays_the_same(painted: str, taken: str, n_paintings: int) -> None:
+    """A friction of the first hour: forty seconds for a picture, most of them after it was there."""
+    left = [letter.encode() for letter in reversed(painted)]
+    assert _settled(left.pop) == taken.encode()
+    assert len(painted) - len(left) == n_paintings
 
 
 @pytest.mark.slow

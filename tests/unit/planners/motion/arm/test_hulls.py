@@ -9,7 +9,7 @@ from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
 from planners.errors import PlanningError
-from planners.motion.arm.hulls import ArmStep, bodies_of, convex_hulls, step_apart
+from planners.motion.arm.hulls import SCRATCH, ArmStep, bodies_of, convex_hulls, step_apart
 
 CUBE = np.array(np.meshgrid(*[(-0.1, 0.1)] * 3)).reshape(3, -1).T
 
@@ -21,7 +21,7 @@ def _frame(rng):  # type: ignore[no-untyped-def]
 
 def _apart(hulls, a, begin, end, b, their_begin, their_end, distance):  # type: ignore[no-untyped-def]
     one, other = ArmStep(hulls, a, begin, end), ArmStep(hulls, b, their_begin, their_end)
-    return step_apart(one, other, distance, np.empty(3), np.full(2, -1))
+    return step_apart(one, other, distance, np.empty(3), np.full(2, -1), np.empty(SCRATCH))
 
 
 def _distance_m(points):  # type: ignore[no-untyped-def]
