@@ -1,7 +1,11 @@
-"""Vec: agent steps per second of CPU time of many environments in one, beside the environments with dictionaries."""
+"""Vec: agent steps per second of CPU time of many environments in one, beside the environments with dictionaries.
+
+Where PyTorch is installed, also of training on both, all in: rollouts and updates.
+"""
 
 from __future__ import annotations
 
+import importlib.util
 import time
 from collections.abc import Iterator
 from typing import Any
@@ -12,6 +16,8 @@ from benchmarks.harness import Kind, Row, Trial
 from fleet.envs import dispatch_v0, make_vec, traffic_v1
 from fleet.envs.vector.loop import LoopVec
 from fleet.envs.vector.vec_env import VecEnv
+from fleet.training.batch import Batch, EnvBatch
+from fleet.training.recipes import RECIPES
 from maps.warehouse import generate_warehouse
 
 N_ENVS = 16
@@ -47,11 +53,53 @@ def measure_vec(trial: Trial) -> Iterator[Row]:
         yield Row(name="  ratio", value=fast / slow, unit="", target=target)
         vec.close()
         loop.close()
+    if importlib.util.find_spec("torch") is None:
+        trial.notes.append("training all in: left out, PyTorch is not installed: pip install '.[train]'")
+    else:
+        yield from _training(trial)
     trial.notes.append(
         "Per second of CPU time of one process and thread: episodes of 240 steps (1,000 cars: 40) of random actions "
         f"and a reset, {N_ENVS} environments in one (1,000 cars: 2) against one; rounds in turn, the fastest of each. "
         "Before that both are played with the same actions, and all that they say is the same to the last bit."
     )
+
+
+def _training(trial: Trial) -> Iterator[Row]:
+    """Agent steps per second of training traffic, by both kinds of batches."""
+    recipe = RECIPES["traffic"]
+    assert recipe.batch is not None
+    dealt = [{**recipe.arguments, "n_cars": 20}] * recipe.ppo.envs_n
+    told: dict[str, Any] = {"figures": recipe.figures, "layouts": recipe.layouts, "n_state": 0}
+    batches = recipe.batch(dealt, **told), EnvBatch([recipe.make(**one) for one in dealt], **told)
+    runs = [_updates(batch, 2 if trial.quick else 6) for batch in batches]
+    fast = slow = 0.0
+    for (rate, losses), (dictionary_rate, dictionary_losses) in zip(*runs, strict=True):
+        trial.check(losses == dictionary_losses, "training all in: losses differ")
+        fast, slow = max(fast, rate), max(slow, dictionary_rate)
+    yield Row(name="training traffic, 20 cars, dense, all in", value=fast, unit="agent steps/s", kind=Kind.RATE)
+    yield Row(name="  with dictionaries", value=slow, unit="agent steps/s", kind=Kind.RATE)
+    yield Row(name="  ratio", value=fast / slow, unit="", target=">= 4")
+    for batch in batches:
+        batch.close()
+
+
+def _updates(batch: Batch, n_updates: int) -> Iterator[tuple[float, dict[str, float]]]:
+    """Train with the recipe's settings; the agent steps per second of CPU time and the losses of each update."""
+    import torch
+
+    from fleet.training.ppo.collector import Collector
+    from fleet.training.ppo.learner import Learner
+
+    torch.set_num_threads(1)
+    ppo, generator = RECIPES["traffic"].ppo, torch.Generator().manual_seed(0)
+    learners = {kind.name: Learner(kind, ppo, 0, generator) for kind in batch.types}
+    collector = Collector(batch, learners, ppo.discount)
+    collector.begin(range(ppo.envs_n), None)
+    for _ in range(n_updates):
+        began = time.process_time()
+        rollouts, _ = collector.roll(ppo.horizon_n, generator)
+        losses = learners["car"].learn(rollouts["car"], ppo.learning_rate, 0.0, generator)
+        yield ppo.horizon_n * batch.n_agents / (time.process_time() - began), losses
 
 
 def _check(trial: Trial, layer: str, settings: dict[str, Any], name: str) -> None:

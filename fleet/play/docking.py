@@ -26,6 +26,7 @@ from fleet.envs.warehouse.sensing import Receiver
 from fleet.missions.phases import CarPhase
 from fleet.play.policies import PlayedPolicy
 from fleet.robots.cars.models import CarModels
+from fleet.robots.speed_ramp import SpeedRamp
 from fleet.run.setup import RunSetup
 from fleet.sensors.lidar import LidarRing
 from fleet.simulation import Simulation
@@ -80,6 +81,7 @@ class DockingDriver(AgentDriver):
         """Cars that a policy has brought to their stop, shape (n_cars,)."""
         self.given_back = np.zeros(n_cars, dtype=np.bool_)
         """Cars that a policy has not brought to their stop, shape (n_cars,)."""
+        self._ramp = SpeedRamp(models, tick_s)
         self.wanted = np.zeros((n_cars, 2))
         """Steering [rad] and speed [m/s] that the policy wants, shape (n_cars, 2)."""
 
@@ -99,13 +101,15 @@ class DockingDriver(AgentDriver):
         self.stale.add(car)
 
     def commands(self, world: World) -> FloatArray:
-        """See `Driver`; the policy's speed ends at the stop."""
+        """See `Driver`; the policy's speed ends at the stop, and changes as cars' limits let it."""
         commands = super().commands(world)
         for car in np.flatnonzero(self.docking).tolist():
             left_m, back_m = self.left_m(car), self.back_m(car)
             on_mps = math.sqrt(2.0 * BRAKES_MPS2 * max(0.0, left_m + BEYOND_M))
             back_mps = math.sqrt(2.0 * BRAKES_MPS2 * max(0.0, BACK_M - back_m))
             commands[car] = self.wanted[car, 0], min(max(self.wanted[car, 1], -back_mps), on_mps)
+        eased = self._ramp.tick(commands[:, 1], self._speeds)
+        commands[self.docking, 1] = eased[self.docking]
         commands[self.docked] = 0.0
         return commands
 

@@ -34,6 +34,7 @@ _OF_THE_RUN = frozenset(
         "level",
         "start",
         "breakdowns",
+        "ramp",
     )
 )
 """Settings of environments that a run has of its own, or that mean nothing in one."""

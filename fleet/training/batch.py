@@ -49,15 +49,6 @@ class TypeView:
     state: Floats | None = None
     """`state()` of each agent's environment, filled up with zeros, shape (n, n_state); None if nobody asks for it."""
 
-    def copy(self) -> TypeView:
-        """A copy that later steps do not change."""
-        return TypeView(
-            rows=self.rows.copy(),
-            mask=None if self.mask is None else self.mask.copy(),
-            active=self.active.copy(),
-            state=None if self.state is None else self.state.copy(),
-        )
-
 
 @dataclass(frozen=True, kw_only=True)
 class EpisodeFigures:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
+from numba import njit
 
 CLIP = 10.0
 """Normalised numbers beyond this are cut off."""
@@ -31,18 +32,25 @@ class Normalizer:
 
     def update(self, rows: npt.NDArray[np.floating]) -> None:
         """Take rows of shape (m, n) into account."""
-        mean, variance, count = rows.mean(axis=0, dtype=np.float64), rows.var(axis=0, dtype=np.float64), len(rows)
+        sums, squares = np.zeros((2, len(self.mean)))
+        _add_up(rows, self.mean, sums, squares)
+        count = len(rows)
+        away = sums / count
+        mean, variance = self.mean + away, squares / count - away**2
         total = self.count + count
         gap = mean - self.mean
         spread = self.variance * self.count + variance * count + gap**2 * self.count * count / total
         self.mean, self.variance, self.count = self.mean + gap * count / total, spread / total, total
         self.mean[self._fixed], self.variance[self._fixed] = 0.0, 1.0
 
-    def apply(self, rows: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
-        """Normalise rows of shape (m, n)."""
-        scaled = rows - self.mean.astype(np.float32)
-        scaled *= (1.0 / np.sqrt(self.variance + _EPSILON)).astype(np.float32)
-        return np.clip(scaled, -CLIP, CLIP, out=scaled)
+    def apply(
+        self, rows: npt.NDArray[np.float32], out: npt.NDArray[np.float32] | None = None
+    ) -> npt.NDArray[np.float32]:
+        """Normalise rows of shape (m, n), into an array of this shape if there is one."""
+        scaled = np.empty_like(rows) if out is None else out
+        factor = 1.0 / np.sqrt(self.variance + _EPSILON)
+        _scale(rows, self.mean.astype(np.float32), factor.astype(np.float32), np.float32(CLIP), scaled)
+        return scaled
 
     def scale(self) -> float:
         """Standard deviation of a single number."""
@@ -56,3 +64,32 @@ class Normalizer:
         """Return to a `state`."""
         self.mean, self.variance = np.array(state["mean"]), np.array(state["variance"])
         self.count = state["count"][0]
+
+
+@njit(cache=True)
+def _add_up(
+    rows: npt.NDArray[np.floating],
+    shift: npt.NDArray[np.float64],
+    sums: npt.NDArray[np.float64],
+    squares: npt.NDArray[np.float64],
+) -> None:  # pragma: no cover - compiled
+    """Add up how far rows are from a shift near their mean, and the squares of that: so little is lost in rounding."""
+    for row in range(len(rows)):
+        for k in range(len(shift)):
+            away = np.float64(rows[row, k]) - shift[k]
+            sums[k] += away
+            squares[k] += away * away
+
+
+@njit(cache=True)
+def _scale(
+    rows: npt.NDArray[np.float32],
+    mean: npt.NDArray[np.float32],
+    factor: npt.NDArray[np.float32],
+    most: np.float32,
+    out: npt.NDArray[np.float32],
+) -> None:  # pragma: no cover - compiled
+    """Fill in rows with the mean taken off, times a factor, cut off on both sides."""
+    for row in range(len(rows)):
+        for k in range(len(mean)):
+            out[row, k] = min(max((rows[row, k] - mean[k]) * factor[k], -most), most)

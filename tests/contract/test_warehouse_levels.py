@@ -174,6 +174,20 @@ def test_cars_that_begin_on_their_ways_are_apart(make: Callable[..., WarehouseEn
 # --- Actions
 
 
+@pytest.mark.bullet
+def test_cars_are_held_to_their_limits_in_physics_too(make: Callable[..., WarehouseEnv]) -> None:
+    def speeds(**arguments: Any) -> list[float]:
+        env = make(level="dock", start={"near_m": (4.0, 4.0)}, **arguments)
+        env.reset(seed=1)
+        told = [1.0] * 5 + [0.0] * 3
+        return [float(env.step({"car_0": np.array([0.0, one])})[0]["car_0"][4]) * 2.0 for one in told]
+
+    kinematic = speeds()
+    assert speeds(ramp=True) == kinematic
+    assert speeds(ramp=True, fidelity="physics") == pytest.approx(kinematic, abs=0.01)
+    assert speeds(fidelity="physics")[0] > 4.0 * kinematic[0]
+
+
 def test_a_car_in_the_dead_band_brakes(make: Callable[..., WarehouseEnv]) -> None:
     env = make(level="dock", dead_band=0.2, start={"near_m": (3.0, 3.0)})
     env.reset(seed=0)

@@ -72,6 +72,9 @@ class WarehouseConfig(RecordedEnvConfig):
     """Speed of a car at full action [m/s]."""
     dead_band: float = 0.1
     """A car brakes when its speed is told to be less than this share of the full one."""
+    ramp: bool = False
+    """Whether cars approach a told speed within the limits of acceleration of their model in physics, too, as they do
+    without it; else as fast as motors and tyres can."""
     residual: float = 0.3
     """Weight of residual actions."""
     pace: float | None = None
@@ -113,6 +116,7 @@ class WarehouseConfig(RecordedEnvConfig):
         _require_number("physics_hz", self.physics_hz, 60.0, 10_000.0)
         require(self.car_action in CAR_ACTIONS, "car_action", self.car_action, ", ".join(CAR_ACTIONS))
         require(self.arm_action in list(ARM_ACTIONS), "arm_action", self.arm_action, ", ".join(ARM_ACTIONS))
+        require(isinstance(self.ramp, bool), "ramp", self.ramp, "True, False")
         if self.pace is not None:
             _require_number("pace", self.pace, 0.0, 4.0)
         for name, low, high in _RANGES:
@@ -173,6 +177,7 @@ class WarehouseConfig(RecordedEnvConfig):
             residual=self.residual,
             pace=self.residual if self.pace is None else self.pace,
             hold_s=self.hold_s,
+            ramp=self.ramp,
         )
 
     @property

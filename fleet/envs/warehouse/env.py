@@ -98,8 +98,9 @@ agents without lidar, as they are, one after the other; zeros for cars that are 
 
 Physics runs at `physics_hz` at least; orders, right of way and the other decisions are made once per tick, of which
 there are at least 20 a second and a whole number per step. Agents' cars change their speed as fast as motors and tyres
-can, by 6 to 9 m/s^2. In fidelity kinematic they gain 1.5 and lose 2.5 m/s^2 at most, nothing is stopped by contacts,
-which are counted only, and lidar sees cars, walls, shelves, pedestals and the feet of arms.
+can, by 6 to 9 m/s^2, unless `ramp` holds them to what their model gains and loses at most (1.5 and 2.5 m/s^2). In
+fidelity kinematic it is always so, nothing is stopped by contacts, which are counted only, and lidar sees cars, walls,
+shelves, pedestals and the feet of arms.
 """
 
 from __future__ import annotations

@@ -10,7 +10,7 @@ import numpy as np
 import torch
 
 from fleet.envs.policies.policy import Policy
-from fleet.training.batch import Batch, BatchStep, EnvBatch, EpisodeFigures, TypeView
+from fleet.training.batch import Batch, BatchStep, Bools, EnvBatch, EpisodeFigures, TypeView
 from fleet.training.ppo.learner import Floats, Learner, Rollout
 
 
@@ -18,11 +18,25 @@ from fleet.training.ppo.learner import Floats, Learner, Rollout
 class _Taken:
     """What the agents of one type saw and did, step by step."""
 
-    rows: list[Floats] = field(default_factory=list)
-    views: list[TypeView] = field(default_factory=list)
+    seen: Floats
+    """Observations as they were, shape (T, n, n_observed)."""
+    rows: Floats
+    """The same, normalised."""
+    masks: list[Bools] = field(default_factory=list)
+    states: list[Floats] = field(default_factory=list)
+    active: list[Bools] = field(default_factory=list)
     actions: list[Any] = field(default_factory=list)
     log_shares: list[Floats] = field(default_factory=list)
     steps: list[BatchStep] = field(default_factory=list)
+
+    def look(self, t: int, view: TypeView) -> None:
+        """Keep what is seen in a step; the view changes in the next."""
+        self.seen[t] = view.rows
+        self.active.append(view.active.copy())
+        if view.mask is not None:
+            self.masks.append(view.mask.copy())
+        if view.state is not None:
+            self.states.append(view.state.copy())
 
 
 class Collector:
@@ -60,29 +74,32 @@ class Collector:
             Rollouts by type, and the episodes that ended.
         """
         batch = self._batch
-        taken = {name: _Taken() for name in self._learners}
+        shapes = {name: (n_steps, *batch.views[name].rows.shape) for name in self._learners}
+        taken = {name: _Taken(seen=_floats(shape), rows=_floats(shape)) for name, shape in shapes.items()}
         episodes: list[EpisodeFigures] = []
-        for _ in range(n_steps):
+        for t in range(n_steps):
             acts: dict[str, Any] = {}
             taught = batch.ask(teachers) if teachers and isinstance(batch, EnvBatch) else {}
             for name, learner in self._learners.items():
-                view = batch.views[name].copy()
-                rows, actions, log_shares = learner.choose(view, generator)
+                view, one = batch.views[name], taken[name]
+                actions, log_shares = learner.choose(view, one.rows[t], generator)
                 acts[name] = learner.legal(actions)
                 if taught:
-                    led = batch.env_of[name] >= n_own if isinstance(batch, EnvBatch) else np.ones(len(rows), np.bool_)
+                    led = (
+                        batch.env_of[name] >= n_own
+                        if isinstance(batch, EnvBatch)
+                        else np.ones(len(view.rows), np.bool_)
+                    )
                     acts[name] = np.where(led.reshape(-1, *[1] * (actions.ndim - 1)), taught[name], acts[name])
                     actions = learner.plain(taught[name])
-                one = taken[name]
-                one.rows.append(rows)
-                one.views.append(view)
+                one.look(t, view)
                 one.actions.append(actions)
                 one.log_shares.append(log_shares)
             outcome = batch.step(acts)
             episodes += outcome.episodes
             for name, learner in self._learners.items():
                 taken[name].steps.append(outcome)
-                self._earn(name, learner, outcome, taken[name].views[-1].active)
+                self._earn(name, learner, outcome, taken[name].active[-1])
         return {name: self._rollout(name, one) for name, one in taken.items()}, episodes
 
     def _earn(self, name: str, learner: Learner, outcome: BatchStep, active: Any) -> None:
@@ -95,11 +112,10 @@ class Collector:
     def _rollout(self, name: str, taken: _Taken) -> Rollout:
         """All steps of a type as arrays; values are asked for at once, for the network does not change meanwhile."""
         learner, now = self._learners[name], self._batch.views[name]
-        shape = (len(taken.rows), len(now.rows))
-        rows = np.stack(taken.rows)
+        rows, shape = taken.rows, taken.rows.shape[:2]
         ended = np.stack([step.ended[name] for step in taken.steps])
         truncated = np.stack([step.truncated[name] for step in taken.steps])
-        states = [view.state for view in taken.views if view.state is not None]
+        states = taken.states
         state = None if not states else learner.told.apply(np.stack(states).reshape(-1, states[0].shape[1]))
         values = learner.values(rows.reshape(-1, rows.shape[2]), state).reshape(shape)
         after = np.concatenate((values[1:], self._values(learner, now)[None]))
@@ -107,10 +123,10 @@ class Collector:
         for t in np.flatnonzero(truncated.any(axis=1)).tolist():
             last = self._values(learner, taken.steps[t].last[name])
             after[t] = np.where(truncated[t], last, after[t])
-        active = np.stack([view.active for view in taken.views])
+        active = np.stack(taken.active)
         return Rollout(
             rows=rows,
-            mask=None if now.mask is None else np.stack([view.mask for view in taken.views if view.mask is not None]),
+            mask=np.stack(taken.masks) if taken.masks else None,
             state=None if state is None else state.reshape(*shape, -1),
             active=active,
             actions=np.stack(taken.actions),
@@ -119,10 +135,14 @@ class Collector:
             after=after,
             rewards=(np.stack([s.rewards[name] for s in taken.steps]) / learner.earned.scale()).astype(np.float32),
             ended=ended,
-            seen=np.stack([view.rows for view in taken.views])[active],
+            seen=taken.seen.reshape(-1, rows.shape[2]) if active.all() else taken.seen[active],
             told=np.stack(states)[active] if states else None,
         )
 
     def _values(self, learner: Learner, view: TypeView) -> Floats:
         state = None if view.state is None else learner.told.apply(view.state)
         return learner.values(learner.seen.apply(view.rows), state)
+
+
+def _floats(shape: tuple[int, ...]) -> Floats:
+    return np.empty(shape, dtype=np.float32)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -68,8 +68,19 @@ class _Samples:
     """Scores of the cloned policy."""
 
     def pick(self, index: Tensor) -> _Samples:
-        """Some of them."""
-        return _Samples(**{name: None if one is None else one[index] for name, one in vars(self).items()})
+        """Some of them, those that had a choice first."""
+        chose = self.chose[index]
+        if not chose.all():
+            index = torch.cat((index[chose], index[~chose]))
+        return self._each(lambda one: one.index_select(0, index))
+
+    def choosing(self) -> _Samples:
+        """Those that had a choice, of what was picked; a view, not a copy."""
+        n = int(self.chose.sum())
+        return self._each(lambda one: one[:n])
+
+    def _each(self, part: Callable[[Tensor], Tensor]) -> _Samples:
+        return _Samples(**{name: None if one is None else part(one) for name, one in vars(self).items()})
 
 
 class _Shown(NamedTuple):
@@ -115,17 +126,22 @@ class Learner:
 
     @torch.no_grad()
     def choose(
-        self, view: TypeView, generator: torch.Generator
-    ) -> tuple[Floats, npt.NDArray[Any], npt.NDArray[np.float32]]:
+        self, view: TypeView, rows: Floats, generator: torch.Generator
+    ) -> tuple[npt.NDArray[Any], npt.NDArray[np.float32]]:
         """Draw an action for every row of a view.
 
+        Args:
+            view: What agents see.
+            rows: Receives their normalised observations, shape (n, n_observed).
+            generator: Source of chance.
+
         Returns:
-            Normalised observations, actions as drawn, logarithms of their probabilities.
+            Actions as drawn, logarithms of their probabilities.
         """
-        rows = self.seen.apply(view.rows)
+        self.seen.apply(view.rows, rows)
         scores = self.network.scores(torch.from_numpy(rows), _tensor(view.mask))
         actions, log_shares = self.network.draw(scores, generator)
-        return rows, actions.numpy(), log_shares.numpy()
+        return actions.numpy(), log_shares.numpy()
 
     @torch.no_grad()
     def values(self, rows: Floats, state: Floats | None) -> Floats:
@@ -350,8 +366,7 @@ class Learner:
         value_loss = 0.5 * ((self.network.value(samples.rows, samples.state) - samples.targets) ** 2).mean()
         loss = config.value * value_loss
         told = [value_loss.detach(), *torch.zeros(4)]
-        if samples.mask is not None:
-            samples = samples.pick(samples.chose)
+        samples = samples.choosing()
         if len(samples.rows):
             gain = (samples.gain - samples.gain.mean()) / (samples.gain.std(correction=0) + 1e-8)
             scores = self.network.scores(samples.rows, samples.mask)

@@ -71,8 +71,9 @@ DOCK = Recipe(
     figures=("docked", "contact"),
     n_steps=460_000,
     ppo=PpoConfig(envs_n=16, horizon_n=128, learning_rate=1e-3, discount=0.98, entropy=0.001, hidden=(128, 128)),
-    # A dock counts as one: the figure is the share of episodes.
-    arguments={"level": "dock", "weights": {"docked": 1.0, "time": -0.02}},
+    # A dock counts as one: the figure is the share of episodes. A car in physics changes its speed as the one does that
+    # it learns with: without `ramp`, at four times that, a policy of 280,000 steps docked 16 of 40 times instead of 35.
+    arguments={"level": "dock", "ramp": True, "weights": {"docked": 1.0, "time": -0.02}},
     stages=(
         TrainingStage(
             name="wide",
@@ -89,12 +90,12 @@ DOCK = Recipe(
             reached=0.95,
         ),
         TrainingStage(name="true", shortest=0.3, longest=0.4, figure="docked", reached=0.98, n_last=200),
-        # In physics cars slide and come askew to where they never were before: from there they have to find back, too.
+        # In physics cars come askew to where they never were before: from there they have to find back, too.
         TrainingStage(
             name="slippery",
-            # Held to less than the true tolerance, it stays within that where cars slide.
+            # Held to less than the true tolerance, it stays within that where wheels and steering lag.
             arguments={"start": {"side_m": 0.15, "turn_rad": 0.4}, "stop_m": 0.035, "stop_rad": 0.07},
-            mix=({}, {"fidelity": "physics"}, {"fidelity": "physics"}),
+            mix=({}, {}, {"fidelity": "physics"}),
         ),
     ),
 )
@@ -104,7 +105,7 @@ _EXACT = {"stop_m": 0.03, "stop_rad": 0.06}
 APPROACH = replace(
     DOCK,
     summary="a car drives the last metres to a dock of any site, and stops there more exactly than it has to",
-    n_steps=900_000,
+    n_steps=800_000,
     arguments={**DOCK.arguments, "site": "small", "start": {"near_m": (0.3, 2.5), "side_m": 0.1, "turn_rad": 0.2}},
     # Where it is on the floor tells nothing about the way to a dock, and what has been learned on one floor does not
     # hold on another.
@@ -124,7 +125,7 @@ APPROACH = replace(
         TrainingStage(
             name="slippery",
             arguments=_EXACT,
-            mix=(*_FLOORS, *({**floor, **_PHYSICS} for floor in _FLOORS), {"site": "small", **_PHYSICS}),
+            mix=(*_FLOORS, {"site": "small", **_PHYSICS}),
         ),
     ),
 )

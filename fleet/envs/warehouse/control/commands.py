@@ -25,6 +25,7 @@ from fleet.envs.warehouse.control.plans import Plans
 from fleet.envs.warehouse.control.pursuit import Wheel, pursue
 from fleet.envs.warehouse.rows import N_JOINTS, Rows
 from fleet.envs.warehouse.run.agent_simulation import AgentSimulation
+from fleet.robots.speed_ramp import SpeedRamp
 from fleet.simulation import Actions
 
 RESIDUAL_RAD = 0.2
@@ -49,6 +50,8 @@ class ActionModel:
     """Weight of what is added to the pace of the classical plans."""
     hold_s: float
     """How long a grip has to be told to open [s]."""
+    ramp: bool
+    """Whether cars approach told speeds within their limits of acceleration."""
 
 
 class Commands:
@@ -78,6 +81,8 @@ class Commands:
         self._car_limits = np.array([scene.car.max_steering_rad, model.speed_mps])
         self._targets = simulation.world.arm_positions()[:n_arms]
         self._cars = np.zeros((simulation.n_cars, 2))
+        cars = scene.cars.some(np.arange(simulation.n_cars))
+        self._ramp = SpeedRamp(cars, simulation.tick_s) if model.ramp else None
         self._arms = np.zeros((n_arms, 0))
         self.latches = Latches(n_arms, model.hold_s)
         """The grips of the agents' arms."""
@@ -109,17 +114,20 @@ class Commands:
 
     def tick(self) -> Actions:
         """What the robots are to do in the coming tick."""
-        if not len(self._targets):
-            return Actions(cars=self._cars)
         simulation = self._simulation
-        world, arm, n_arms = simulation.world, self._arm, len(self._targets)
+        world, arm, n_arms, cars = simulation.world, self._arm, len(self._targets), self._cars
+        if self._ramp is not None:
+            speeds = self._ramp.tick(cars[:, 1], world.car_speeds()[: len(cars)])
+            cars = np.column_stack((cars[:, 0], speeds))
+        if not n_arms:
+            return Actions(cars=cars)
         if self.plans is not None:
             self.plans.ask(simulation)
             self.plans.tick(world.held())
             away = self._model.residual * RESIDUAL_RAD * self._arms[:, :N_JOINTS]
             self._targets = np.clip(self.plans.q[:n_arms] + away, arm.lower_rad, arm.upper_rad)
             qd, grip = self.plans.qd[:n_arms].copy(), self.plans.grip[:n_arms].copy()
-            return Actions(cars=self._cars, arms=self._targets, arms_qd=qd, grip=grip)
+            return Actions(cars=cars, arms=self._targets, arms_qd=qd, grip=grip)
         q = world.arm_positions()[:n_arms]
         qd = np.empty_like(q)
         if self._model.arm == "joint":
@@ -128,7 +136,7 @@ class Commands:
             lead_tips(self._hand, q, self._arms[:, :N_TIP], qd)
         move_targets(self._targets, qd, q, arm.lower_rad, arm.upper_rad, simulation.tick_s)
         self.latches.tick(self._arms[:, -1], world.held()[:n_arms], simulation.tick_s)
-        return Actions(cars=self._cars, arms=self._targets, arms_qd=qd, grip=self.latches.closed)
+        return Actions(cars=cars, arms=self._targets, arms_qd=qd, grip=self.latches.closed)
 
 
 @njit(cache=True)

@@ -2,12 +2,14 @@
 
 import math
 from collections.abc import Mapping
+from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
+from fleet.arrays import FloatArray
 from fleet.config import ArmConfig, Fidelity, RunConfig
 from fleet.envs.policies import Policy
 from fleet.envs.warehouse.rows import NEIGHBOURS_AT, STATION_AT, STOP_AT
@@ -18,6 +20,7 @@ from fleet.play.docking import DockingDriver
 from fleet.play.policies import LearnedRun, PlayedPolicy, played_policy
 from fleet.play.simulation import PlayedSimulation
 from fleet.simulation import Simulation
+from fleet.world.protocol import World
 
 
 class Idle:
@@ -45,6 +48,15 @@ class Swerving:
         """See `Policy`."""
         del env
         return {agent: np.ones(2, dtype=np.float32) for agent in observations}
+
+
+class Reversing:
+    """Goes back as fast as it can."""
+
+    def act(self, env: Any, observations: Mapping[str, Any]) -> dict[str, Any]:
+        """See `Policy`."""
+        del env
+        return {agent: np.array([0.0, -1.0], dtype=np.float32) for agent in observations}
 
 
 def of(policy: Policy) -> PlayedPolicy:
@@ -102,6 +114,25 @@ def test_a_policy_docks_cars() -> None:
     summary, why = played({"docking": docking})
     check(summary)
     assert (docking.decisions.n_made, docking.decisions.n_policy, why) == (6, 6, [])
+
+
+def test_a_car_that_a_policy_docks_keeps_its_limits_of_acceleration() -> None:
+    config = RunConfig(site="cell", robots=1, tasks=1, fidelity=Fidelity.KINEMATIC, arms=ArmConfig(workers_n=0))
+    with PlayedSimulation(config, {"docking": of(Reversing())}) as simulation:
+        driver, told = cast(DockingDriver, simulation.driver), [(False, 0.0)]
+        commands = driver.commands
+
+        def watched(world: World) -> FloatArray:
+            found = commands(world)
+            told.append((bool(driver.docking[0]), float(found[0, 1])))
+            return found
+
+        driver.commands = watched  # type: ignore[method-assign]
+        for _ in range(1200):
+            simulation.tick()
+        car = simulation.scene.car
+        changes = [abs(now - before) for (docks, before), (still, now) in pairwise(told) if docks and still]
+        assert max(changes) == pytest.approx(car.max_brake_mps2 * simulation.tick_s)
 
 
 def test_a_car_that_swerves_is_given_back_to_the_path_follower() -> None:
