@@ -11,14 +11,10 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-import pytest
-
-from benchmarks.interop.brokers import BROKERS
 from tests.interop.table import REPOSITORY
 
 END_S = 60.0
 """How long a run may take to end when it is interrupted [s]."""
-EACH_BROKER = [pytest.param(kind, marks=pytest.mark.interop(kind)) for kind in BROKERS]
 
 
 @contextmanager

@@ -148,8 +148,8 @@ PARTNERS = {
         Partner(
             name="vda5050-sdk",
             home="PyPI",
-            lack=_imports(SDK / "bin" / "python", "vda5050"),
-            commands=_venv(SDK, "vda5050-sdk==0.2.0"),
+            lack=_imports(SDK / "bin" / "python", "vda5050", "aiomqtt"),
+            commands=_venv(SDK, "vda5050-sdk[mqtt]==0.2.0"),
         ),
         Partner(name="mosquitto", home="Debian", lack=_mosquitto, commands=_debs("mosquitto"), needs_root=True),
     )
