@@ -64,7 +64,9 @@ async def main():
                 if state.order_id != order_id or state.node_states or not ended:
                     return
                 told["processed"] += 1
-                told["finished"] += sum(one.action_status is ActionStatus.FINISHED for one in state.action_states)
+                # Those of what was asked at once stand there, too.
+                own = [one for one in state.action_states if one.action_type in docks]
+                told["finished"] += sum(one.action_status is ActionStatus.FINISHED for one in own)
                 del doing[key]
                 for kind, place in used.items():
                     docks[kind].append(place)
