@@ -14,19 +14,13 @@ JOBS = 2
 PYTHON =
 # Extras that `make test-stacks` tests: training libraries, and Ray for studies.
 STACKS = train sb3 rllib torchrl benchmarl ray
-# Other people's programs that `make test-interop` talks to; each has a target of its own that sets it up.
-PARTNERS = .venv-ros/.installed .partners/roslib/.installed partner-rospy .partners/node_modules/vda-5050-lib
-ROS2_WHEELS = ros-rclpy ros-rmw-fastrtps-cpp ros-std-msgs ros-std-srvs ros-geometry-msgs ros-nav-msgs ros-sensor-msgs \
-  ros-trajectory-msgs ros-rosgraph-msgs
-ROS1_DEBS = python3-rospy python3-rosmaster python3-rostopic python3-sensor-msgs python3-geometry-msgs python3-nav-msgs \
-  python3-trajectory-msgs python3-std-srvs python3-rosgraph-msgs
 # What `make test-bounds` runs with every index of a kernel checked, and where it keeps the kernels compiled for that.
 BOUNDS_TESTS = tests/unit/planners tests/unit/maps tests/unit/fleet tests/contract
 BOUNDS_DIR = build/bounds
 # Further words for the command, such as ARGS="--site small --robots 8".
 ARGS =
 
-.PHONY: help setup demo test test-long test-all test-rules test-bounds test-stacks test-interop partner-rospy notebooks zoo check format bench docs hooks hooks-check clean
+.PHONY: help setup demo test test-long test-all test-rules test-bounds test-stacks test-interop notebooks zoo check format bench docs hooks hooks-check clean
 
 help: ## List the targets.
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -102,28 +96,8 @@ test-stacks: $(STAMP) ## One environment for each training library and Ray, in .
 	  $$python -m pytest -q tests/stacks/test_$$stack*.py $(ARGS); \
 	done
 
-test-interop: $(STAMP) $(PARTNERS) ## With programs of others (ROS 2, ROS 1, roslib, vda-5050-lib), set up first: the tests that need them.
-	@$(BIN)/python -m pytest -q -m interop $(ARGS)
-
-# An environment of its own: its packages restart every Python of it with another search path for libraries.
-.venv-ros/.installed: | $(STAMP)
-	@$(BIN)/python -m venv --clear .venv-ros
-	@.venv-ros/bin/python -m pip install --quiet --quiet --disable-pip-version-check $(ROS2_WHEELS)
-	@touch $@
-
-.partners/node_modules/vda-5050-lib:
-	@if command -v npm >/dev/null; then npm install --silent --no-audit --no-fund --no-save --prefix .partners vda-5050-lib@1.4.0; \
-	else echo "npm is missing: the tests with vda-5050-lib are skipped"; fi
-
-.partners/roslib/.installed:
-	@if command -v npm >/dev/null; then npm install --silent --no-fund --no-audit --prefix .partners/roslib roslib@2 && touch $@; \
-	else echo "npm is missing: the tests with roslib are skipped"; fi
-
-partner-rospy:
-	@if /usr/bin/python3 -c 'import rospy' 2>/dev/null; then :; \
-	elif [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; then \
-	  apt-get update -qq && apt-get install -qq -y --no-install-recommends $(ROS1_DEBS); \
-	else echo "rospy is missing: the tests with ROS 1 are skipped; for them: apt-get install $(ROS1_DEBS)"; fi
+test-interop: $(STAMP) ## Set up programs of others (ROS, vda-5050-lib, mosquitto and more) and run the tests that need them.
+	@$(BIN)/python -m tests.interop $(ARGS)
 
 zoo: $(STAMP) ## Every scenario of the deadlock zoo with every fidelity, and the page of results; slow.
 	@$(BIN)/python -m tests.zoo --out docs/zoo.md $(ARGS)

@@ -19,17 +19,19 @@ DEPTH = 300
 
 
 class Messages:
-    """Makes messages.
+    """Makes messages. Each topic has one, which is filled anew: whoever publishes it serialises it at once.
 
     Args:
         stamp: Makes a time of the ROS at hand from seconds.
     """
 
     def __init__(self, stamp: Callable[[float], Any]) -> None:
-        self._stamp = stamp
+        self._make_stamp = stamp
+        self._stamp_s, self._stamp_made = math.nan, None
+        self._kept: dict[str, Any] = {}
         self._made: dict[type, tuple[type, Callable[[Any], Any]]] = {
             topics.Battery: (BatteryState, self._battery),
-            topics.Clock: (Clock, lambda record: Clock(clock=stamp(record.stamp_s))),
+            topics.Clock: (Clock, lambda record: Clock(clock=self._stamp(record.stamp_s))),
             topics.Joints: (JointState, self._joints),
             topics.Odometry: (Odometry, self._odometry),
             topics.Picture: (Image, self._picture),
@@ -45,14 +47,26 @@ class Messages:
         """The message of a record."""
         return self._made[type(record)][1](record)
 
+    def _stamp(self, time_s: float) -> Any:
+        """A time of the ROS at hand; all that a tick tells has the same one."""
+        if time_s != self._stamp_s:
+            self._stamp_s, self._stamp_made = time_s, self._make_stamp(time_s)
+        return self._stamp_made
+
     def _joints(self, record: topics.Joints) -> JointState:
-        message = JointState(name=record.names, position=record.position, velocity=record.velocity)
+        message = self._kept.get(record.topic)
+        if message is None:
+            message = self._kept[record.topic] = JointState(name=record.names)
+        message.position, message.velocity = record.position, record.velocity
         message.header.stamp = self._stamp(record.stamp_s)
         return message
 
     def _odometry(self, record: topics.Odometry) -> Odometry:
-        message = Odometry(child_frame_id=record.child)
-        message.header.stamp, message.header.frame_id = self._stamp(record.stamp_s), topics.MAP
+        message = self._kept.get(record.topic)
+        if message is None:
+            message = self._kept[record.topic] = Odometry(child_frame_id=record.child)
+            message.header.frame_id = topics.MAP
+        message.header.stamp = self._stamp(record.stamp_s)
         pose, twist = message.pose.pose, message.twist.twist
         pose.position.x, pose.position.y = record.x, record.y
         pose.orientation.z, pose.orientation.w = math.sin(record.yaw / 2), math.cos(record.yaw / 2)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from collections.abc import Sequence
 from datetime import datetime, timedelta
 from typing import Any
@@ -41,7 +42,8 @@ class ForeignVehicles:
         self._identities = list(identities)
         self._codec = Codec(dialect)
         self._start = start
-        self._n_sent = [0] * len(identities)
+        self._n_sent: Counter[tuple[int, str]] = Counter()
+        self._n_asked = 0
         self._car_of = {one.topic(dialect.level, name): car for car, one in enumerate(identities) for name in HEARD}
         self._link: BrokerLink = transport.link(list(self._car_of), None)
 
@@ -58,6 +60,19 @@ class ForeignVehicles:
             except (MessageError, KeyError, TypeError, ValueError):
                 self.n_malformed += 1
 
+    def ask(self, now_s: float) -> None:
+        """Ask the vehicles that have not spoken yet to say where they stand; else they may take 30 s.
+
+        Args:
+            now_s: Simulated time [s].
+        """
+        for car, state in enumerate(self.states):
+            if state is None:
+                self._n_asked += 1
+                asked = {"actionType": "stateRequest", "actionId": f"state-{self._n_asked}", "blockingType": "NONE"}
+                body = {"actions": [asked | {"actionParameters": []}]}
+                self._link.send(self._post(car, "instantActions", body, now_s))
+
     def speak(self, now_s: float) -> None:
         """Send the orders that are due.
 
@@ -66,7 +81,7 @@ class ForeignVehicles:
         """
         for car, book in enumerate(self.books):
             if book is not None and (message := book.message(now_s)) is not None:
-                self._link.send(self._post(car, message, now_s))
+                self._link.send(self._post(car, "order", message, now_s))
 
     def close(self) -> None:
         """End the connection; what was ordered is still driven."""
@@ -98,16 +113,16 @@ class ForeignVehicles:
             book.heard(body)
         self.states[car] = body
 
-    def _post(self, car: int, message: Body, now_s: float) -> Post:
+    def _post(self, car: int, name: str, message: Body, now_s: float) -> Post:
         identity, dialect = self._identities[car], self._codec.dialect
         stamp = (self._start + timedelta(seconds=now_s)).isoformat(timespec="milliseconds")
         header = {
-            "headerId": self._n_sent[car],
+            "headerId": self._n_sent[car, name],
             "timestamp": stamp.replace("+00:00", "Z"),
             "version": dialect.version,
             "manufacturer": identity.manufacturer,
             "serialNumber": identity.serial,
         }
-        self._n_sent[car] += 1
-        payload = json.dumps(self._codec.encode("order", header | message), separators=(",", ":")).encode()
-        return Post(topic=identity.topic(dialect.level, "order"), payload=payload, qos=0, retain=False)
+        self._n_sent[car, name] += 1
+        payload = json.dumps(self._codec.encode(name, header | message), separators=(",", ":")).encode()
+        return Post(topic=identity.topic(dialect.level, name), payload=payload, qos=0, retain=False)

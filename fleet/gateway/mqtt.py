@@ -1,11 +1,11 @@
-"""Mqtt: connections of vehicles to an MQTT broker, each with a thread of its own; the run never waits for it."""
+"""Mqtt: connections of vehicles and masters to an MQTT broker, with threads of their own; no run waits for them."""
 
 from __future__ import annotations
 
 import ssl
 import threading
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,7 @@ import paho.mqtt.client as mqtt
 from paho.mqtt.enums import CallbackAPIVersion
 
 from fleet.gateway.errors import GatewayError
-from fleet.gateway.transport import matches
+from fleet.gateway.transport import BrokerLink, matches
 from fleet.vda5050.envelope import Post
 
 PORTS = {"mqtt": 1883, "mqtts": 8883}
@@ -23,7 +23,7 @@ PORTS = {"mqtt": 1883, "mqtts": 8883}
 PATIENCE_S = 10.0
 """How long a first connection may take; later ones are tried again and again [s]."""
 MOST_KEPT = 1000
-"""Messages that are kept for a run that does not take them; the oldest are forgotten."""
+"""Messages that are kept for a vehicle whose run does not take them; the oldest are forgotten."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,32 +80,35 @@ class BrokerAddress:
         return urlsplit(self.url).scheme == "mqtts"
 
 
-class MqttLink:
-    """The connection of one vehicle; see `fleet.gateway.transport.BrokerLink`.
+class MqttClient:
+    """One connection to a broker, with a thread of its own.
 
     Args:
         address: The broker.
-        client: Name of the client.
-        topics: What it listens to.
+        name: Name of the client.
         will: What the broker sends when it is gone without a word; None = nothing.
+        came: Called in the client's thread with topic and payload of what has come.
 
     Raises:
         GatewayError: The broker cannot be reached, or refuses.
     """
 
-    def __init__(self, address: BrokerAddress, client: str, topics: Sequence[str], will: Post | None) -> None:
+    def __init__(
+        self, address: BrokerAddress, name: str, will: Post | None, came: Callable[[str, bytes], None] | None = None
+    ) -> None:
         self.n_sessions = 0
-        self._inbox: deque[tuple[str, bytes]] = deque(maxlen=MOST_KEPT)
-        self._topics = [(topic, 0) for topic in topics]
+        """Connections made so far."""
+        self._topics: list[str] = []
+        self._came = came
         self._answered = threading.Event()
         self._refusal = ""
-        self._client = made = mqtt.Client(CallbackAPIVersion.VERSION2, client_id=client, clean_session=True)
+        self._client = made = mqtt.Client(CallbackAPIVersion.VERSION2, client_id=name, clean_session=True)
         if will is not None:
             made.will_set(will.topic, will.payload, will.qos, will.retain)
         if address.user:
             made.username_pw_set(address.user, address.password or None)
         made.on_connect = self._connected
-        made.on_message = self._came
+        made.on_message = self._heard
         made.reconnect_delay_set(min_delay=1, max_delay=15)
         where = f"the broker at {address.url} cannot be reached"
         try:
@@ -123,17 +126,17 @@ class MqttLink:
             made.loop_stop()
             raise GatewayError(f"{where}: {self._refusal or 'no answer'}; valid: a broker that lets us in")
 
+    def listen(self, patterns: Sequence[str]) -> None:
+        """Listen to topics, too; their levels may be `+`."""
+        new = [pattern for pattern in patterns if pattern not in self._topics]
+        if new:
+            self._topics += new
+            self._client.subscribe([(pattern, 0) for pattern in new])
+
     def send(self, post: Post) -> None:
         """See `BrokerLink`; while there is no connection, posts are forgotten, as those of QoS 0 would be."""
         if self._client.is_connected():
             self._client.publish(post.topic, post.payload, post.qos, post.retain)
-
-    def received(self) -> list[tuple[str, bytes]]:
-        """See `BrokerLink`."""
-        found = []
-        while self._inbox:
-            found.append(self._inbox.popleft())
-        return found
 
     def close(self, last: Post | None) -> None:
         """See `BrokerLink`."""
@@ -149,15 +152,127 @@ class MqttLink:
         if reason.is_failure:
             self._refusal = str(reason)
         else:
-            client.subscribe(self._topics)
+            if self._topics:
+                client.subscribe([(pattern, 0) for pattern in self._topics])
             self.n_sessions += 1
         self._answered.set()
 
-    def _came(self, client: mqtt.Client, data: Any, message: mqtt.MQTTMessage) -> None:
+    def _heard(self, client: mqtt.Client, data: Any, message: mqtt.MQTTMessage) -> None:
         del client, data
         # amqtt 0.12 also brings retained messages of topics that were not asked for.
-        if any(matches(topic, message.topic) for topic, _ in self._topics):
-            self._inbox.append((message.topic, bytes(message.payload)))
+        if self._came is not None and any(matches(pattern, message.topic) for pattern in self._topics):
+            self._came(message.topic, bytes(message.payload))
+
+
+class MqttLink:
+    """The connection of a master; see `fleet.gateway.transport.BrokerLink`.
+
+    Args:
+        address: The broker.
+        name: Name of the client.
+        topics: What it listens to.
+
+    Raises:
+        GatewayError: See `MqttClient`.
+    """
+
+    def __init__(self, address: BrokerAddress, name: str, topics: Sequence[str]) -> None:
+        self._inbox = _Inbox()
+        self._client = MqttClient(address, name, None, self._inbox.put)
+        self._client.listen(topics)
+
+    @property
+    def n_sessions(self) -> int:
+        """See `BrokerLink`."""
+        return self._client.n_sessions
+
+    def send(self, post: Post) -> None:
+        """See `BrokerLink`."""
+        self._client.send(post)
+
+    def received(self) -> list[tuple[str, bytes]]:
+        """See `BrokerLink`."""
+        return self._inbox.taken()
+
+    def close(self, last: Post | None) -> None:
+        """See `BrokerLink`."""
+        self._client.close(last)
+
+
+class VehicleLink:
+    """The connection of a vehicle; see `fleet.gateway.transport.BrokerLink`.
+
+    A connection of its own has its last will and says whether it is online; all else goes over one that the vehicles of
+    a process share, as a message costs a broker the more, the more connections and subscriptions it has.
+
+    Args:
+        own: Its own connection.
+        will: Its last will.
+        shared: What all share.
+        topics: What it listens to.
+    """
+
+    def __init__(self, own: MqttClient, will: Post, shared: SharedConnection, topics: Sequence[str]) -> None:
+        self._own, self._will, self._shared = own, will, shared
+        self._topics, self._inbox = tuple(topics), _Inbox()
+        shared.join(self._topics, self._inbox.put)
+
+    @property
+    def n_sessions(self) -> int:
+        """See `BrokerLink`."""
+        return self._own.n_sessions + self._shared.client.n_sessions
+
+    def send(self, post: Post) -> None:
+        """See `BrokerLink`."""
+        client = self._own if post.topic == self._will.topic else self._shared.client
+        client.send(post)
+
+    def received(self) -> list[tuple[str, bytes]]:
+        """See `BrokerLink`."""
+        return self._inbox.taken()
+
+    def close(self, last: Post | None) -> None:
+        """See `BrokerLink`."""
+        self._own.close(last)
+        self._shared.leave(self._topics)
+
+
+class SharedConnection:
+    """A connection for what vehicles hear and say.
+
+    Args:
+        address: The broker.
+        name: Name of the client.
+
+    Raises:
+        GatewayError: See `MqttClient`.
+    """
+
+    def __init__(self, address: BrokerAddress, name: str) -> None:
+        self._came_to: dict[str, Callable[[str, bytes], None]] = {}
+        self.client = MqttClient(address, name, None, self._came)
+
+    @property
+    def used(self) -> bool:
+        """Whether a vehicle listens."""
+        return bool(self._came_to)
+
+    def join(self, topics: Sequence[str], came: Callable[[str, bytes], None]) -> None:
+        """Hear for a vehicle, with one subscription to a topic for vehicles of all serial numbers."""
+        self._came_to |= dict.fromkeys(topics, came)
+        self.client.listen(["/".join([*topic.split("/")[:3], "+", *topic.split("/")[4:]]) for topic in topics])
+
+    def leave(self, topics: Sequence[str]) -> None:
+        """Hear no more for a vehicle; the last one ends the connection."""
+        for topic in topics:
+            self._came_to.pop(topic, None)
+        if not self._came_to:
+            self.client.close(None)
+
+    def _came(self, topic: str, payload: bytes) -> None:
+        came = self._came_to.get(topic)
+        if came is not None:
+            came(topic, payload)
 
 
 class MqttTransport:
@@ -171,9 +286,37 @@ class MqttTransport:
     def __init__(self, address: BrokerAddress, prefix: str) -> None:
         self._address = address
         self._prefix = prefix
+        self._shared: SharedConnection | None = None
 
-    def link(self, topics: Sequence[str], will: Post | None) -> MqttLink:
+    def link(self, topics: Sequence[str], will: Post | None) -> BrokerLink:
         """See `Transport`."""
+        if will is None:
+            return MqttLink(self._address, f"{self._prefix}-master", topics)
         # A will is in the name of a vehicle, whose manufacturer and serial number stand in its topic.
-        name = [self._prefix, "master"] if will is None else [self._prefix, *will.topic.split("/")[2:4]]
-        return MqttLink(self._address, "-".join(name), topics, will)
+        manufacturer, serial = will.topic.split("/")[2:4]
+        own = MqttClient(self._address, f"{self._prefix}-{manufacturer}-{serial}", will)
+        if self._shared is None or not self._shared.used:
+            try:
+                self._shared = SharedConnection(self._address, f"{self._prefix}-{manufacturer}")
+            except GatewayError:
+                own.close(None)
+                raise
+        return VehicleLink(own, will, self._shared, topics)
+
+
+class _Inbox:
+    """What has come and was not taken yet."""
+
+    def __init__(self) -> None:
+        self._messages: deque[tuple[str, bytes]] = deque(maxlen=MOST_KEPT)
+
+    def put(self, topic: str, payload: bytes) -> None:
+        """Keep a message."""
+        self._messages.append((topic, payload))
+
+    def taken(self) -> list[tuple[str, bytes]]:
+        """Take out all of them."""
+        found = []
+        while self._messages:
+            found.append(self._messages.popleft())
+        return found

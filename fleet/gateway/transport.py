@@ -12,8 +12,9 @@ from fleet.vda5050.envelope import Post
 class BrokerLink(Protocol):
     """The connection of one vehicle, or of a master."""
 
-    n_sessions: int
-    """Grows whenever a connection has been made, or made again."""
+    @property
+    def n_sessions(self) -> int:
+        """Grows whenever a connection has been made, or made again."""
 
     def send(self, post: Post) -> None:
         """Send a post if there is a connection, and never wait."""

@@ -12,6 +12,14 @@ MOST_ID = 256
 ACTION_PARAMETERS = {"pick": ("stationName", "loadId", "loadType", "weight"), "drop": ("stationName", "loadId")}
 """Actions on nodes, and the parameters of each that are heeded; all of them are optional."""
 
+OPTIONAL_OF_NODES = (
+    "nodePosition",
+    "nodePosition.theta",
+    "nodePosition.allowedDeviationXY",
+    "nodePosition.allowedDeviationTheta",
+)
+"""Optional fields of nodes that are heeded; a master may leave out, or refuse, what is not listed (section 6.10)."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Build:
@@ -66,8 +74,7 @@ def factsheet_of(build: Build, timing: Timing) -> dict[str, Any]:
         },
         "protocolFeatures": {
             "optionalParameters": [
-                {"parameter": "order.nodes.nodePosition", "support": "SUPPORTED"},
-                {"parameter": "order.nodes.nodePosition.allowedDeviationXY", "support": "SUPPORTED"},
+                {"parameter": f"order.nodes.{name}", "support": "SUPPORTED"} for name in OPTIONAL_OF_NODES
             ],
             "mobileRobotActions": [_node_action(kind) for kind in ACTION_PARAMETERS]
             + [_instant_action(kind) for kind in INSTANT_ACTIONS],

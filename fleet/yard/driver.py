@@ -63,6 +63,24 @@ class YardDriver:
             s = np.linspace(0.0, length, max(2, int(np.ceil(length / _SPACING_M)) + 1))
             self._paths.append(car, CarWay(start=start, legs=driven).poses(s), s, direction)
 
+    def ahead(self, stop_m: FloatArray) -> tuple[tuple[FloatArray, ...], tuple[FloatArray, ...]]:
+        """What is left of the ways, as polylines of shape (k, 2) [m].
+
+        Args:
+            stop_m: Where along its way each has to stop [m], shape (n_cars,).
+
+        Returns:
+            For each car the part that it may drive, and the part behind that.
+        """
+        paths, granted, planned = self._paths, [], []
+        for car, stop_s in enumerate(self._begin_s + stop_m):
+            n = int(paths.count[car])
+            points, s = paths.points[car, :n, :2], paths.s[car, :n]
+            here, stop = np.searchsorted(s, (self._follower.progress[car], stop_s + 1e-9))
+            granted.append(points[here:stop].copy())
+            planned.append(points[max(here, stop - 1) :].copy())
+        return tuple(granted), tuple(planned)
+
     def commands(self, poses: FloatArray, speeds: FloatArray, stop_m: FloatArray) -> FloatArray:
         """Say what every car does this tick.
 

@@ -78,7 +78,8 @@ class YardRun:
     ) -> None:
         most = len(yard.spots) - 1
         require(1 <= n_cars <= most, "--cars", n_cars, f"1 to {most}, one fewer than yard {yard.name} has spots")
-        self._yard, self._rng, self._clock = yard, np.random.default_rng(seed), clock
+        self.yard = yard
+        self._rng, self._clock = np.random.default_rng(seed), clock
         self._at = self._rng.permutation(len(yard.spots))[:n_cars]
         starts = yard.spots[self._at]
         problem = OpenFloorProblem(
@@ -98,9 +99,10 @@ class YardRun:
         )
         FloorTraffic(problem, config)  # refuses spots that are too near to each other
         self._traffic = FloorTraffic(replace(problem, starts=starts, goals=starts), config)
-        scene = yard_scene(yard, starts)
-        self.world = make_world(scene)
-        self._driver = YardDriver(scene.car, starts, self.world.tick_s, SPEED_MPS, BACKWARDS_MPS)
+        self.scene = yard_scene(yard, starts)
+        self.world = make_world(self.scene)
+        self._driver = YardDriver(self.scene.car, starts, self.world.tick_s, SPEED_MPS, BACKWARDS_MPS)
+        self._stop_m = np.zeros(n_cars)
         self._arms = np.empty((0, 0))
         self._ticks = 0
         self._ready = np.full(n_cars, self._in(_SERVICE_S))
@@ -109,6 +111,29 @@ class YardRun:
         self._longest_still, self._beside = 0, 0.0
         self._deliveries, self._plans, self._refused, self._most_poses = 0, 0, 0, 0
         self._plan_s: list[float] = []
+
+    @property
+    def ticks(self) -> int:
+        """Control periods so far."""
+        return self._ticks
+
+    @property
+    def deliveries(self) -> int:
+        """Times that a car has set down."""
+        return self._deliveries
+
+    @property
+    def car_words(self) -> tuple[str, ...]:
+        """What each car is about: `driving`, `waiting` on its way, or `docked` at a spot."""
+        slow = np.abs(self.world.car_speeds()) < _STILL_MPS
+        return tuple(
+            "docked" if arrived else "waiting" if stands else "driving"
+            for arrived, stands in zip(self._arrived.tolist(), slow.tolist(), strict=True)
+        )
+
+    def ways(self) -> tuple[tuple[FloatArray, ...], tuple[FloatArray, ...]]:
+        """See `YardDriver.ahead`."""
+        return self._driver.ahead(self._stop_m)
 
     @property
     def time_s(self) -> float:
@@ -121,8 +146,8 @@ class YardRun:
         self._traffic.granted_m(self._driver.driven_m)  # tells who has arrived
         for car in range(len(poses)):
             self._serve(car, poses[car], abs(speeds[car]) < _STILL_MPS)
-        stop = self._traffic.granted_m(self._driver.driven_m)
-        commands = self._driver.commands(poses, speeds, stop)
+        self._stop_m = self._traffic.granted_m(self._driver.driven_m)
+        commands = self._driver.commands(poses, speeds, self._stop_m)
         self.world.step(commands, self._arms, self._arms, np.empty(0, dtype=np.bool_))
         self._ticks += 1
         self._still = np.where(np.abs(self.world.car_speeds()) < _STILL_MPS, self._still + 1, 0)
@@ -157,20 +182,20 @@ class YardRun:
         if not self._arrived[car]:
             self._arrived[car] = True
             self._ready[car] = self._in(_SERVICE_S)
-            self._deliveries += self._yard.kinds[self._at[car]] == DROP
+            self._deliveries += self.yard.kinds[self._at[car]] == DROP
         elif self._ticks >= self._ready[car]:
             self._send(car, pose)
 
     def _send(self, car: int, pose: FloatArray) -> None:
         """Send a car to a free spot of the other kind, if there is one that it can come to."""
-        wanted = self._yard.drops if self._yard.kinds[self._at[car]] == PICK else self._yard.picks
+        wanted = self.yard.drops if self.yard.kinds[self._at[car]] == PICK else self.yard.picks
         free = np.setdiff1d(wanted, self._at)
         self._ready[car] = self._in(_AGAIN_S)
         if not len(free):
             return
         spot = int(self._rng.choice(free))
         looked, begin = self._traffic.looked, 0.0 if self._clock is None else self._clock()
-        way = self._traffic.send(car, pose, self._yard.spots[spot])
+        way = self._traffic.send(car, pose, self.yard.spots[spot])
         if self._clock is not None:
             self._plan_s.append(self._clock() - begin)
         self._plans += 1

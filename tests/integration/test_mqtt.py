@@ -2,7 +2,6 @@
 
 import os
 import signal
-import socket
 import subprocess
 import sys
 import time
@@ -14,9 +13,11 @@ import pytest
 pytest.importorskip("paho", reason="MQTT needs the extra vda5050")
 pytest.importorskip("amqtt", reason="the embedded broker needs the extra vda5050")
 
+from benchmarks.interop.brokers import free_port
 from fleet.gateway.broker import EmbeddedBroker
 from fleet.gateway.errors import GatewayError
-from fleet.gateway.mqtt import BrokerAddress, MqttLink, MqttTransport
+from fleet.gateway.mqtt import BrokerAddress, MqttTransport
+from fleet.gateway.transport import BrokerLink
 from fleet.vda5050.envelope import Post
 
 KEEP_ALIVE_S = 2
@@ -32,22 +33,14 @@ time.sleep(600)
 """
 
 
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port: int = probe.getsockname()[1]
-        return port
-
-
 @pytest.fixture(scope="module")
 def broker() -> Iterator[EmbeddedBroker]:
     with EmbeddedBroker(free_port()) as made:
         yield made
 
 
-def master(url: str, topic: str = "uagv/v2/fleet/car_0/connection") -> MqttLink:
-    will = Post(topic="uagv/v2/fleet/master/connection", payload=b"", qos=0, retain=False)
-    return MqttTransport(BrokerAddress(url=url), f"master {time.monotonic_ns()}").link([topic], will)
+def master(url: str, topic: str = "uagv/v2/fleet/car_0/connection") -> BrokerLink:
+    return MqttTransport(BrokerAddress(url=url), f"master {time.monotonic_ns()}").link([topic], None)
 
 
 def wait(done: Callable[[], object], most_s: float = 20.0) -> float:
@@ -71,7 +64,7 @@ def test_a_killed_process_has_its_will_read_out_within_one_and_a_half_keep_alive
         took_s = wait(lambda: heard.extend(listener.received()) or heard)
         assert heard == [(WILL.topic, WILL.payload)]
         assert took_s <= 1.5 * KEEP_ALIVE_S + 1.0  # and a second for a busy machine
-        listener.close(WILL)
+        listener.close(None)
 
 
 def test_a_car_that_leaves_in_order_has_no_will_read_out_and_the_retained_message_is_its_last(
@@ -85,28 +78,61 @@ def test_a_car_that_leaves_in_order_has_no_will_read_out_and_the_retained_messag
     heard: list[tuple[str, bytes]] = []
     wait(lambda: heard.extend(late.received()) or heard)
     assert heard == [(offline.topic, b"OFFLINE")]
-    late.close(WILL)
+    late.close(None)
 
 
 def test_a_broker_that_vanishes_is_found_again_and_nobody_waits_for_it() -> None:
     port = free_port()
     first = EmbeddedBroker(port)
     link = MqttTransport(BrokerAddress(url=first.url), "car").link(["uagv/v2/fleet/car_0/order"], WILL)
-    assert link.n_sessions == 1
+    assert link.n_sessions == 2  # its own, and what vehicles share
     first.close()
     begin = time.monotonic()
     for _ in range(1000):
         link.send(WILL)
     assert time.monotonic() - begin < 1.0
     with EmbeddedBroker(port) as second:
-        wait(lambda: link.n_sessions == 2, 40.0)
+        wait(lambda: link.n_sessions == 4, 40.0)
         speaker = master(second.url)
         speaker.send(Post(topic="uagv/v2/fleet/car_0/order", payload=b"{}", qos=0, retain=False))
         heard: list[tuple[str, bytes]] = []
         wait(lambda: heard.extend(link.received()) or heard)
         assert heard == [("uagv/v2/fleet/car_0/order", b"{}")]
-        speaker.close(WILL)
+        speaker.close(None)
         link.close(WILL)
+
+
+def test_vehicles_of_a_process_hear_what_is_for_them_and_one_may_leave(broker: EmbeddedBroker) -> None:
+    """They share a connection, and each keeps a last will of its own."""
+    transport = MqttTransport(BrokerAddress(url=broker.url), "two")
+    topics = [f"uagv/v2/two/car_{k}/order" for k in range(2)]
+    wills = [
+        Post(topic=f"uagv/v2/two/car_{k}/connection", payload=b"CONNECTIONBROKEN", qos=1, retain=True) for k in range(2)
+    ]
+    first, second = (transport.link([topic], will) for topic, will in zip(topics, wills, strict=True))
+    speaker = master(broker.url, "uagv/v2/two/+/state")
+    heard: list[tuple[str, bytes]] = []
+
+    def say(topic: str) -> None:
+        speaker.send(Post(topic=topic, payload=topic.encode(), qos=0, retain=False))
+
+    say(topics[0])
+    say("uagv/v2/two/car_9/order")
+    say(topics[1])
+    wait(lambda: heard.extend(second.received()) or heard)
+    assert heard == [(topics[1], topics[1].encode())]
+    assert first.received() == [(topics[0], topics[0].encode())]
+    first.close(None)
+    say(topics[1])
+    wait(lambda: len(heard.extend(second.received()) or heard) == 2)
+    second.send(Post(topic="uagv/v2/two/car_1/state", payload=b"here", qos=0, retain=False))
+    wait(lambda: speaker.received() == [("uagv/v2/two/car_1/state", b"here")])
+    second.close(None)
+    again = transport.link(topics[:1], wills[0])
+    say(topics[0])
+    wait(again.received)
+    again.close(None)
+    speaker.close(None)
 
 
 def test_a_port_that_is_taken_is_named(broker: EmbeddedBroker) -> None:

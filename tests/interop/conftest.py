@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import queue
-import shutil
 import subprocess
 import threading
 import time
@@ -16,8 +15,9 @@ from typing import Any
 
 import pytest
 
-REPOSITORY = Path(__file__).resolve().parents[2]
-PARTNERS = Path(__file__).parent / "partners"
+from tests.interop.table import DEBIAN_PYTHON, FOLDER, PARTNERS, REPOSITORY, ROS2
+
+SCRIPTS = Path(__file__).parent / "partners"
 BRIDGE = REPOSITORY / "bridge"
 PATIENCE_S = 120.0
 
@@ -90,7 +90,7 @@ class Partners:
 
     def start(self, script: Path | str, *words: object) -> Process:
         """Start a script: one of `partners/` by its name."""
-        path = PARTNERS / script if isinstance(script, str) else script
+        path = SCRIPTS / script if isinstance(script, str) else script
         process = Process([*self._program, str(path), *map(str, words)], self._environment)
         self._stack.callback(process.end)
         return process
@@ -100,15 +100,20 @@ class Partners:
         self._stack.close()
 
 
+def require_partner(name: str) -> None:
+    """Skip the test if a partner is not there."""
+    if lack := PARTNERS[name].lack():
+        pytest.skip(f"{lack}; `make test-interop` sets it up")
+
+
 @pytest.fixture
 def ros2() -> Iterator[Partners]:
     """Yield what runs scripts under ROS 2."""
-    python = REPOSITORY / ".venv-ros" / "bin" / "python"
-    if not python.is_file():
-        pytest.skip("ROS 2 is not there; `make test-interop` sets it up in .venv-ros")
+    require_partner("ROS 2")
     # Other runs on this machine have another domain.
     domain = str(1 + os.getpid() % 100)
-    partners = Partners([str(python)], {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST", "ROS_DOMAIN_ID": domain})
+    here = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST", "ROS_DOMAIN_ID": domain}
+    partners = Partners([str(ROS2 / "bin" / "python")], here)
     yield partners
     partners.close()
 
@@ -116,13 +121,10 @@ def ros2() -> Iterator[Partners]:
 @pytest.fixture
 def ros1() -> Iterator[Partners]:
     """Yield what runs scripts under ROS 1, beside a master."""
-    python = shutil.which("python3", path="/usr/bin")
-    found = python and subprocess.run([python, "-c", "import rospy, rosmaster"], capture_output=True, check=False)
-    if not found or found.returncode:
-        pytest.skip("rospy is not there; `make test-interop` sets it up on Debian")
+    require_partner("ROS 1")
     port = 20000 + os.getpid() % 10000
     here = {"ROS_MASTER_URI": f"http://127.0.0.1:{port}", "ROS_IP": "127.0.0.1", "PYTHONPATH": ""}
-    partners = Partners([str(python)], here)
+    partners = Partners([DEBIAN_PYTHON], here)
     partners.start("ros1_master.py", port).line("ready")
     yield partners
     partners.close()
@@ -131,10 +133,7 @@ def ros1() -> Iterator[Partners]:
 @pytest.fixture
 def node() -> Iterator[Partners]:
     """Yield what runs scripts under Node.js, with roslib."""
-    packages = REPOSITORY / ".partners" / "roslib" / "node_modules"
-    program = shutil.which("node")
-    if program is None or not packages.is_dir():
-        pytest.skip("roslib is not there; `make test-interop` sets it up in .partners/roslib")
-    partners = Partners([program], {"ROSLIB": str(packages / "roslib")})
+    require_partner("roslib")
+    partners = Partners(["node"], {"ROSLIB": str(FOLDER / "roslib" / "node_modules" / "roslib")})
     yield partners
     partners.close()

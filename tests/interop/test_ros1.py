@@ -10,7 +10,7 @@ from fleet.session import SessionConfig
 from tests.integration.bridge_client import bridged
 from tests.interop.conftest import BRIDGE, Partners
 
-pytestmark = pytest.mark.interop
+pytestmark = pytest.mark.interop("ROS 1")
 
 
 def test_a_tutorial_moves_an_arm_and_a_car(tmp_path: Path, ros1: Partners) -> None:

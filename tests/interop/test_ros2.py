@@ -17,7 +17,7 @@ from maps.lane_graph import REVERSE
 from tests.integration.bridge_client import bridged
 from tests.interop.conftest import BRIDGE, Partners
 
-pytestmark = pytest.mark.interop
+pytestmark = pytest.mark.interop("ROS 2")
 CONFIG = RunConfig(
     site="small", robots=8, tasks=16, fidelity=Fidelity.PHYSICS, duration_s=3600.0, arms=ArmConfig(workers_n=0)
 )

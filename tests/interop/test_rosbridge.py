@@ -13,7 +13,6 @@ from fleet.session import SessionConfig
 from tests.integration.bridge_client import BridgedRun, bridged
 from tests.interop.conftest import BRIDGE, Partners, Process
 
-pytestmark = pytest.mark.interop
 SECONDS = 5.0
 
 
@@ -46,6 +45,7 @@ def check(result: dict) -> None:
     assert result == {"taken": True, "aimed": True, "order": order, "released": True}
 
 
+@pytest.mark.interop("roslibpy")
 def test_roslibpy_sees_and_commands(port: int) -> None:
     pytest.importorskip("roslibpy", reason="the client needs the extra interop")
     client = Partners([sys.executable], {})
@@ -55,10 +55,12 @@ def test_roslibpy_sees_and_commands(port: int) -> None:
         client.close()
 
 
+@pytest.mark.interop("roslib")
 def test_roslib_js_sees_and_commands(port: int, node: Partners) -> None:
     check(json.loads(node.start("roslib_client.mjs", port, "arm_0", SECONDS).line("result", most_s=400.0)))
 
 
+@pytest.mark.interop("websockets")
 def test_a_page_from_elsewhere_may_not_connect(port: int) -> None:
     from websockets.exceptions import InvalidStatus
     from websockets.sync.client import connect
@@ -72,6 +74,7 @@ def test_a_page_from_elsewhere_may_not_connect(port: int) -> None:
             pass
 
 
+@pytest.mark.interop("websockets")
 @pytest.mark.parametrize(
     ("text", "words"),
     [

@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 
 LOOK_S = 0.1
 """Time between two looks whether all vehicles have spoken [s]."""
+ASK_S = 2.0
+"""Time after which one that has not spoken is asked again [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,9 +85,7 @@ class DriveCommand(Connection):
             until = time.monotonic() + self.patience
             vehicles = self._vehicles(identities, transport, until)
             stack.callback(vehicles.close)
-            while None in vehicles.states and time.monotonic() < until:
-                vehicles.hear()
-                time.sleep(LOOK_S)
+            self._find(vehicles, until)
 
             def make(config: RunConfig, *, on_event: Callable[[Event], None]) -> ForeignSimulation:
                 simulation = ForeignSimulation(config, vehicles, map_id=self.map_id or "", on_event=on_event)
@@ -95,6 +95,17 @@ class DriveCommand(Connection):
             result = run_session(config, session, make)
         show_run(console, result, self.out, recorded=self.record)
         return exit_status(console, result, self.duration)
+
+    @staticmethod
+    def _find(vehicles: ForeignVehicles, until: float) -> None:
+        """Wait until all vehicles have said where they stand, or there is no more time."""
+        asked_s = -math.inf
+        while None in vehicles.states and (now_s := time.monotonic()) < until:
+            if now_s - asked_s >= ASK_S:
+                vehicles.ask(0.0)
+                asked_s = now_s
+            vehicles.hear()
+            time.sleep(LOOK_S)
 
     def _vehicles(self, identities: list[Identity], transport: Transport, until: float) -> ForeignVehicles:
         """The connection to the vehicles; a broker that is not up yet is waited for."""

@@ -14,6 +14,7 @@ from fleet.config.settings import positive
 from fleet.terminal.progress_bar import Bar
 
 if TYPE_CHECKING:
+    from fleet.session.yard_watch import YardWatch
     from fleet.world.protocol import World
     from fleet.world.scene import Scene
     from fleet.yard.run import YardResult
@@ -37,12 +38,15 @@ class YardDemo:
     """Seed of where cars stand at first and of the spots they choose."""
     json: Path | None = None
     """File for the result (JSON)."""
+    record: Path | None = None
+    """File for a recording (.rrd), which `fleet view` opens and `fleet shot` paints; default none."""
 
     def run(self) -> int:
         """Run and print; returns the exit status."""
         positive("--duration", self.duration)
         require(self.seed >= 0, "--seed", self.seed, "an integer >= 0")
-        require(self.json is None or self.json.parent.is_dir(), "--json", str(self.json), "a file in a folder there is")
+        for name, file in (("--json", self.json), ("--record", self.record)):
+            require(file is None or file.parent.is_dir(), name, str(file), "a file in a folder there is")
         from fleet.world.kinematic import KinematicWorld
         from fleet.yard.run import YardRun
         from maps.yard import load_yard
@@ -50,17 +54,27 @@ class YardDemo:
         yard = load_yard(self.yard)
         run = YardRun(yard, self.cars, self._world, seed=self.seed, clock=time.process_time)
         n_ticks = max(1, round(self.duration / run.world.tick_s))
+        watch: YardWatch | None = None
         try:
+            if self.record is not None:
+                # It loads what writes recordings, and that takes a second.
+                from fleet.session.yard_watch import YardWatch
+
+                watch = YardWatch(run, self.record)
             YardRun(yard, 1, KinematicWorld).tick_until_planned()  # loads the kernels
             with Bar(n_ticks, "ticks", shown=True) as bar:
                 for tick in range(n_ticks):
                     run.tick()
+                    if watch is not None:
+                        watch.look()
                     if bar.due():
-                        done = f"{run.result().deliveries} deliveries"
+                        done = f"{run.deliveries} deliveries"
                         bar.show(tick + 1, done, f"{run.time_s:.0f} of {self.duration:g} s, {done}")
             result = run.result()
         finally:
             run.world.close()
+            if watch is not None:
+                watch.close()
         console = plain_console()
         console.print(figure_table(_figures(result)))
         if self.json is not None:

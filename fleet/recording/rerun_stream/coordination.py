@@ -68,7 +68,8 @@ class Coordination:
         self._waits: Sequence[Wait] = ()
         self._told = _sentences({})
         self._plates = {path: _at_height(floor.cell_xy, z).astype(np.float32) for path, z in _PLATE_Z.items()}
-        for path, half_m in _PLATE_M.items():
+        # A floor without cells has no plates; one without a place would lie in the corner.
+        for path, half_m in _PLATE_M.items() if len(floor.cell_xy) else ():
             rec.log(path, rr.Boxes3D.from_fields(half_sizes=[(half_m, half_m, 0.001)], fill_mode="solid"), static=True)
         markdown = rr.TextDocument.from_fields(media_type="text/markdown")
         rec.log(WAITS, rr.Arrows3D.from_fields(radii=0.04), markdown, static=True)

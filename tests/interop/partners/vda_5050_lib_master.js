@@ -1,5 +1,5 @@
 // A foreign master for the tests: the MasterController of vda-5050-lib sends every car its share of deliveries.
-// node vda_5050_lib_master.js BROKER_URL LIF_FILE N_CARS N_ORDERS; prints one line of JSON when all are processed.
+// node vda_5050_lib_master.js BROKER_URL LIF_FILE N_CARS N_ORDERS; says what it has counted when all are processed.
 const fs = require("fs");
 const { MasterController, createUuid } = require("vda-5050-lib");
 
@@ -78,7 +78,7 @@ console.error = (...words) => { told.invalid += 1; told.lastInvalid = words.map(
         pick.busy = drop.busy = false;
         idle.push(serialNumber);
         if (told.processed === Number(nOrders)) {
-          console.log(JSON.stringify(told));
+          console.log("result", JSON.stringify(told));
           master.stop().then(() => process.exit(0));
         } else next();
       },
