@@ -74,8 +74,6 @@ class ArmController:
         self.grip = False
         self.speed = 1.0
         """Playback speed, below 1 when the arm is slow; see `set_speed`."""
-        self.n_changes = 0
-        """Grows whenever the state, the step or the speed changes."""
         self.gate: Gate | None = None
         """Asked before every motion; None = always free to move."""
         self.paused = False
@@ -83,6 +81,8 @@ class ArmController:
         self._steps: tuple[Step, ...] = ()
         self._back: tuple[Step, ...] = ()
         self._at = 0
+        self._clear_at = 0
+        """Number of the step from which on the dock is clear."""
         self._carrying = False
         self._lost = False
         self._denied = False
@@ -137,7 +137,7 @@ class ArmController:
     def set_speed(self, speed: float) -> None:
         """Play motions at another speed from now on."""
         self.speed = speed
-        self._change()
+        self._playback.change(self.arm)
 
     def left_s(self) -> tuple[float, float]:
         """Time until the dock is clear, and until the transfer is over, at the present speed if nothing stops it."""
@@ -156,12 +156,12 @@ class ArmController:
     def dock_is_clear(self) -> bool:
         """True when the arm no longer needs the car to stand still."""
         if self.state in _BUSY:
-            return self.state is _MOVING and Signal.CLEAR in self._steps[: self._at + 1]
+            return self.state is _MOVING and self._clear_at <= self._at
         return True
 
     def request(self) -> None:
         """Note that a plan was asked for."""
-        self._change()
+        self._playback.change(self.arm)
         self.state = ArmPhase.PLANNING
 
     def play(self, transfer: Transfer) -> None:
@@ -177,7 +177,7 @@ class ArmController:
 
     def reset(self) -> None:
         """Leave a final state and be ready for the next transfer."""
-        self._change()
+        self._playback.change(self.arm)
         self.state = ArmPhase.IDLE
         self._steps, self._at = (), 0
 
@@ -259,7 +259,7 @@ class ArmController:
         return 0.0
 
     def _next(self) -> None:
-        self._change()
+        self._playback.change(self.arm)
         self._at += 1
         self._playback.elapsed_s[self.arm] = 0.0
         if self._at < len(self._steps):
@@ -270,14 +270,11 @@ class ArmController:
             self._end(ArmPhase.DONE)
 
     def _begin(self, steps: tuple[Step, ...]) -> None:
-        self._change()
+        self._playback.change(self.arm)
         self.state = ArmPhase.MOVING
         self._steps, self._at = steps, 0
+        self._clear_at = steps.index(_CLEAR) if _CLEAR in steps else len(steps)
         self._playback.elapsed_s[self.arm] = 0.0
-
-    def _change(self) -> None:
-        self.n_changes += 1
-        self._playback.interrupt(self.arm)
 
     def _may_move(self) -> bool:
         if self.paused and self.gate is not None:
@@ -285,7 +282,7 @@ class ArmController:
         return not self.paused
 
     def _end(self, state: ArmPhase) -> None:
-        self._change()
+        self._playback.change(self.arm)
         self.state = state
         self._carrying = self._lost = self._denied = self.paused = False
         self._back = ()

@@ -202,6 +202,11 @@ class ArmManager:
                 service.release()
                 self._ask(service.arm, self._planner.submit(HomeRequest(arm=service.arm, q=service.q.copy())), tick)
 
+    @property
+    def n_changes(self) -> IntArray:
+        """How often the state, step or speed of each arm has changed, shape (n_arms,)."""
+        return self._playback.n_changes
+
     def busy_s(self) -> FloatArray:
         """Time each arm has worked so far [s], shape (n_arms,)."""
         return self._playback.busy_s.copy()

@@ -27,6 +27,7 @@ class Playback:
         qd: Joint velocities [rad/s], same shape.
         elapsed_s: How much of its present step each arm has done [s], shape (n_arms,).
         busy_s: Time each arm has spent planning and moving [s], shape (n_arms,).
+        n_changes: How often its state, its step or its speed has changed, shape (n_arms,).
 
     Args:
         start_rad: Joint positions at the start, shape (n_arms, n_joints).
@@ -39,6 +40,7 @@ class Playback:
         self.qd = np.zeros_like(self.q)
         self.elapsed_s = np.zeros(n_arms)
         self.busy_s = np.zeros(n_arms)
+        self.n_changes = np.zeros(n_arms, dtype=np.int64)
         self._n_joints = np.array(n_joints, dtype=np.int64)
         self._frames = np.zeros((n_arms, N_FRAMES, 2, width))
         self._frame_s = np.zeros((n_arms, N_FRAMES))
@@ -66,8 +68,9 @@ class Playback:
         self._end[arm] = _lay_out(motion.t, motion.q, motion.qd, speed, tick_s, self.elapsed_s[arm], frames, frame_s)
         self._carried[arm] = carried
 
-    def interrupt(self, arm: int) -> None:
-        """Something has changed: nothing is laid out any more."""
+    def change(self, arm: int) -> None:
+        """Note a change of state, step or speed: nothing is laid out any more."""
+        self.n_changes[arm] += 1
         self._end[arm] = self._next[arm]
 
     def tick(self, tick_s: float, held: IntArray, stopped: IntArray) -> BoolArray:
