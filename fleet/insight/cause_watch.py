@@ -100,12 +100,12 @@ class CauseWatch:
         self._tables: object = None
         self._seen = np.full(self._n_cars, NONE, dtype=np.int64)
         self._gated = any(service.gate is not None for service in run.arm_manager.services)
-        self._arm_changes: list[object] = [None] * run.world.n_arms
+        self._arm_changes = np.full(run.world.n_arms, NONE, dtype=np.int64)
+        self._arm_waits = self._arm_changes.copy()
         self._n_arm_bookings = -1
         self._arm_served = np.full(run.world.n_arms, NONE, dtype=np.int64)
         """The car that each arm served when its row was filled, shape (n_arms,)."""
-        self._arms_due: float = 0.0
-        self._arm_until = [NONE] * run.world.n_arms
+        self._arm_until = np.full(run.world.n_arms, NONE, dtype=np.int64)
         self._clear_tick = [NONE] * run.world.n_arms
         self._halted_by = np.full(self._n_cars, NONE, dtype=np.int32)
         self._parked = np.zeros(self._n_cars, dtype=np.bool_)
@@ -143,41 +143,39 @@ class CauseWatch:
     def _look_at_without_move(self, tick: int) -> None:
         """Cars on their way that stand and have no move left: they are there, or nothing is planned for them."""
         run = self._run
-        traffic, phases = run.traffic, run.missions.phase_index
-        tails, goals = run.executor.tail_states(), traffic.goals
-        cars = (self.rows[:, _CAUSE] == _LOOK_UP).nonzero()[0]
-        is_there = (tails[cars] == goals[cars]) | (goals[cars] < 0)
-        there, away = cars[is_there], cars[~is_there]
-        idle, held = phases[there] == _IDLE_PHASE, phases[there] == _HELD_PHASE
-        self._parked[there] = idle | held
-        self.rows[there[idle]] = self._without_task[there[idle]]
-        for car in there[held].tolist():
+        traffic, tails = run.traffic, run.executor.tail_states()
+        goals = traffic.goals
+        held, at_goal, away = _sort_out(
+            self.rows, tails, goals, run.missions.phase_index, self._without_task, self._parked
+        )
+        for car in held.tolist():
             self._set_held(car)
-        at_goal = there[~(idle | held)]
-        for car, place in zip(at_goal.tolist(), self.rows[at_goal, _PLACE].tolist(), strict=True):
-            self._look_at_goal(car, place)
+        for car in at_goal.tolist():
+            self._look_at_goal(car, int(self.rows[car, _PLACE]))
+        if not len(away):
+            return
         cells = traffic.next_cells(tails[away], goals[away])
         for car in away[cells < 0].tolist():
             cell = traffic.obstacle(int(tails[car]), int(goals[car]))
             self._set(car, Cause.BLOCKED, by=self._wreck(cell), cell=cell, place=int(self.rows[car, _PLACE]))
-        if (cells >= 0).any():
-            self._set_next_cells(np.column_stack((away, cells))[cells >= 0], tick)
+        self._set_next_cells(away, cells, tick)
 
     def _wreck(self, cell: int) -> int:
         """The dead car that blocks a cell."""
         return int(self._run.traffic.wreck_of[cell]) if cell >= 0 else NONE
 
-    def _set_next_cells(self, waiting: IntArray, tick: int) -> None:
+    def _set_next_cells(self, cars: CellArray, cells: CellArray, tick: int) -> None:
         """Cars that a plan has left standing before a cell: somebody has it, or comes first, or the plan is late.
 
         Args:
-            waiting: Cars and their next cells, shape (k, 2).
+            cars: The cars, shape (k,).
+            cells: The next cell of each, below 0 = it has none, shape (k,).
             tick: The present tick.
         """
-        traffic, queues = self._run.traffic, self._run.executor.dependencies.queues
-        known = traffic.landed_goals == traffic.goals
-        late = _look_at_next_cells(self.rows, waiting, queues.holder, queues.line_first, queues.visit_agent, known)
-        for car in waiting[late, 0].tolist():
+        traffic, q = self._run.traffic, self._run.executor.dependencies.queues
+        landed, goals = traffic.landed_goals, traffic.goals
+        late = _look_at_next_cells(self.rows, cars, cells, q.holder, q.line_first, q.visit_agent, landed, goals)
+        for car in late.tolist():
             self.rows[car, _UNTIL] = traffic.next_plan_tick(car, tick)
 
     def _look_at_goal(self, car: int, place: int) -> None:
@@ -278,23 +276,23 @@ class CauseWatch:
 
     def _look_at_arms(self, tick: int) -> None:
         """Arms, when what one does or who is bound for it changes, or it takes longer than was said."""
-        services = self._run.arm_manager.services
-        changes: list[object] = [service.n_changes for service in services]
+        run, n_changes = self._run, self._run.arm_manager.n_changes
+        services, n_bookings = run.arm_manager.services, run.bookings.n_changes
+        anew = (n_changes != self._arm_changes) | ((self._arm_until != NONE) & (self._arm_until <= tick))
+        self._arm_changes[:] = n_changes
         if self._gated:
-            changes = [(service.n_changes, service.waits_for) for service in services]
-        n_bookings = self._run.bookings.n_changes
-        if changes == self._arm_changes and n_bookings == self._n_arm_bookings and tick < self._arms_due:
-            return
-        # Who is bound for an arm is told of one that is free; one that serves a car is looked at anew in any case.
-        served, changed_at = self._run.missions.served, self._run.bookings.changed_at[: len(services)]
-        differ = (served >= 0) | (served != self._arm_served) | (changed_at > self._n_arm_bookings)
-        bound_differs = differ.tolist() if n_bookings != self._n_arm_bookings else [False] * len(services)
-        for arm, change in enumerate(changes):
-            bound_differ = bound_differs[arm] and services[arm].state in _FREE
-            if change != self._arm_changes[arm] or bound_differ or NONE < self._arm_until[arm] <= tick:
-                self._set_arm(arm, tick)
-        self._arm_changes, self._n_arm_bookings = changes, n_bookings
-        self._arms_due = min((until for until in self._arm_until if until != NONE), default=np.inf)
+            waits = np.array([service.waits_for for service in services])
+            anew |= waits != self._arm_waits
+            self._arm_waits = waits
+        if n_bookings != self._n_arm_bookings:
+            # Who is bound for an arm is told of one that is free; one that serves a car is looked at in any case.
+            served, changed_at = run.missions.served, run.bookings.changed_at[: len(services)]
+            differ = (served >= 0) | (served != self._arm_served) | (changed_at > self._n_arm_bookings)
+            for arm in (differ & ~anew).nonzero()[0].tolist():
+                anew[arm] = services[arm].state in _FREE
+            self._n_arm_bookings = n_bookings
+        for arm in anew.nonzero()[0].tolist():
+            self._set_arm(arm, tick)
 
     def _set_arm(self, arm: int, tick: int) -> None:
         run = self._run
@@ -405,32 +403,73 @@ def _look_at_bound(rows: CauseRows, rules: IntArray, q: Queues, cars: _Cars, cel
 
 
 @njit(cache=True)
+def _sort_out(
+    rows: CauseRows,
+    tails: CellArray,
+    goals: CellArray,
+    phase: IntArray,
+    without_task: CauseRows,
+    parked: BoolArray,
+) -> tuple[CellArray, CellArray, CellArray]:
+    """Sort the cars that are to be looked up, and fill the rows of those that wait without a task where they were sent.
+
+    Returns:
+        Cars that are held back where they were sent, others that are there, and those that are away from it.
+    """
+    sorts = np.empty((3, len(phase)), dtype=np.int32)
+    n = np.zeros(3, dtype=np.int64)
+    for car in range(len(phase)):
+        if rows[car, _CAUSE] != _LOOK_UP:
+            continue
+        sort = 2
+        if goals[car] < 0 or tails[car] == goals[car]:
+            sort = 0 if phase[car] == _HELD_PHASE else 1
+            parked[car] = sort == 0 or phase[car] == _IDLE_PHASE
+            if phase[car] == _IDLE_PHASE:
+                for column in range(rows.shape[1]):
+                    rows[car, column] = without_task[car, column]
+                continue
+        sorts[sort, n[sort]] = car
+        n[sort] += 1
+    return sorts[0, : n[0]], sorts[1, : n[1]], sorts[2, : n[2]]
+
+
+@njit(cache=True)
 def _look_at_next_cells(
     rows: CauseRows,
-    waiting: IntArray,
+    cars: CellArray,
+    cells: CellArray,
     holder: CellArray,
     line_first: CellArray,
     visit_agent: CellArray,
-    known: BoolArray,
-) -> BoolArray:
-    """Fill the rows of cars before their next cells, but for their tasks and places; returns which await a plan."""
-    late = np.zeros(len(waiting), dtype=np.bool_)
-    for k in range(len(waiting)):
-        car, cell = waiting[k]
+    landed_goals: CellArray,
+    goals: CellArray,
+) -> CellArray:
+    """Fill the rows of cars before their next cells, but for their tasks and places; returns those that await a plan.
+
+    That another car comes first counts if the last plan knew where a car is to go.
+    """
+    late = np.empty(len(cars), dtype=np.int32)
+    n = 0
+    for k in range(len(cars)):
+        car, cell = cars[k], cells[k]
+        if cell < 0:
+            continue
         first = visit_agent[line_first[cell]] if line_first[cell] >= 0 else NOBODY
         if holder[cell] >= 0 and holder[cell] != car:
             cause, by = _CELL, holder[cell]
-        elif first >= 0 and first != car and known[car]:
+        elif first >= 0 and first != car and landed_goals[car] == goals[car]:
             cause, by = _YIELDS, first
         else:
             cause, by, cell = _PLAN_LATE, NONE, NONE
-            late[k] = True
+            late[n] = car
+            n += 1
         rows[car, _CAUSE] = cause
         rows[car, _BY] = by
         rows[car, _AT] = cell
         rows[car, _UNTIL] = NONE
         rows[car, _DETAIL] = 0
-    return late
+    return late[:n]
 
 
 @njit(cache=True)

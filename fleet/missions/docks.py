@@ -95,6 +95,8 @@ class Docks:
         # An arm may be on its way home for so long that its car is served elsewhere meanwhile: the last one counts.
         latest = {car: arm for arm, car in under_way}
         for arm, car in under_way:
+            if not self._arms.services[arm].dock_is_clear:
+                continue
             station = missions.stations[arm]
             if latest[car] == arm:
                 self._look(station, car, tick, now_s)
@@ -104,14 +106,13 @@ class Docks:
                 self._services.end(station, now_s)
 
     def _look(self, station: Station, car: int, tick: int, now_s: float) -> None:
-        """See whether an arm is clear of a car, and what it has done."""
+        """See what an arm has done that is clear of a car."""
         task = self._missions.task_of[car]
         if task is None:
             return
         if task.state is TaskState.FAILED and self._arms.is_idle(station.arm):
             self._break_off(station, task, car)
-        clear = self._arms.services[station.arm].dock_is_clear
-        if clear and task.state is _STATE_AT[station.direction]:
+        if task.state is _STATE_AT[station.direction]:
             self._judge(station, task, car, tick, now_s)
 
     def _break_off(self, station: Station, task: Task, car: int) -> None:

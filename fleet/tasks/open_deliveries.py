@@ -32,7 +32,7 @@ class OpenDeliveries:
         self._tasks = board.tasks
         self._kind_of = kind_of
         self._kinds: dict[int, Hashable] = {}
-        self._lines: dict[str, dict[Hashable, _Line]] = {}
+        self._queues: dict[str, _Queue] = {}
         board.subscribe(self._task_moved)
 
     def urgent(self, pick: str, may_go: Callable[[Task], bool] = lambda task: True) -> Iterator[Task]:
@@ -45,22 +45,40 @@ class OpenDeliveries:
             pick: Its name.
             may_go: Asked once for each kind, with its most urgent task; of a kind that may not go only that is told.
         """
+        queue = self._queues.get(pick)
+        if queue is None:
+            return
+        for key in self._in_turn(queue, may_go) if queue.n_due else self._by_age(queue, may_go):
+            task = self._tasks[key[2]]
+            if task.pick_slot is None or task.pick == pick:
+                yield task
+
+    def _by_age(self, queue: _Queue, may_go: Callable[[Task], bool]) -> Iterator[Key]:
+        """Where nothing is due, all kinds stand in one line, however many there are."""
+        goes: dict[Hashable, bool] = {}
+        for key in queue.by_age:
+            kind = self._kinds[key[2]]
+            if kind not in goes:
+                goes[kind] = may_go(self._tasks[key[2]])
+            elif not goes[kind]:
+                continue
+            yield key
+
+    def _in_turn(self, queue: _Queue, may_go: Callable[[Task], bool]) -> Iterator[Key]:
         ready: list[tuple[Key, int, Iterator[Key]]] = []
-        for n, line in enumerate(self._lines.get(pick, {}).values()):
+        for n, line in enumerate(queue.lines.values()):
             keys = line.urgent()
             if (key := next(keys, None)) is not None:
                 ready.append((key, n, keys if may_go(self._tasks[key[2]]) else iter(())))
         heapify(ready)
         while ready:
             key, n, keys = ready[0]
-            task = self._tasks[key[2]]
             following = next(keys, None)
             if following is None:
                 heappop(ready)
             else:
                 heapreplace(ready, (following, n, keys))
-            if task.pick_slot is None or task.pick == pick:
-                yield task
+            yield key
 
     def _task_moved(self, task: Task, before: TaskState, now_s: float) -> None:
         del now_s
@@ -70,14 +88,35 @@ class OpenDeliveries:
             self.n_changes += 1
             kind = self._kinds[task.index] = self._kind_of(task)
             for pick in task.delivery.picks:
-                self._lines.setdefault(pick, {}).setdefault(kind, _Line()).add(task)
+                self._queues.setdefault(pick, _Queue()).add(task, kind)
         elif before is TaskState.READY:
             self.n_changes += 1
             kind = self._kinds.pop(task.index)
             for pick in task.delivery.picks:
-                lines = self._lines[pick]
-                if lines[kind].remove(task):
-                    del lines[kind]
+                self._queues[pick].remove(task, kind)
+
+
+class _Queue:
+    """Tasks that can begin at one station: of all kinds together, and kind by kind."""
+
+    def __init__(self) -> None:
+        self.by_age: list[Key] = []
+        self.lines: dict[Hashable, _Line] = {}
+        self.n_due = 0
+        """How many have a due date."""
+
+    def add(self, task: Task, kind: Hashable) -> None:
+        """Take a task in."""
+        insort(self.by_age, _age(task))
+        self.lines.setdefault(kind, _Line()).add(task)
+        self.n_due += task.order.due_s < math.inf
+
+    def remove(self, task: Task, kind: Hashable) -> None:
+        """Let a task go."""
+        del self.by_age[bisect_left(self.by_age, _age(task))]
+        if self.lines[kind].remove(task):
+            del self.lines[kind]
+        self.n_due -= task.order.due_s < math.inf
 
 
 class _Line:

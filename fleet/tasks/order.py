@@ -31,7 +31,7 @@ class Priority(StrEnum):
     IDLE = "idle"
     """For cars that have nothing else to do. One with a due date has to be done in time, so it counts as normal."""
 
-    @property
+    @functools.cached_property
     def rank(self) -> int:
         """0 for the most urgent class."""
         return _RANK[self]
@@ -61,7 +61,7 @@ class Order:
     payload_kg: float = 0.0
     """Greatest parcel its car must be able to carry, for this order and those that follow with the same car [kg]."""
 
-    @property
+    @functools.cached_property
     def rank(self) -> int:
         """0 for the most urgent class; with a due date at most that of normal orders."""
         return self.priority.rank if math.isinf(self.due_s) else min(self.priority.rank, Priority.NORMAL.rank)

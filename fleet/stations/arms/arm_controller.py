@@ -6,9 +6,7 @@ from collections.abc import Iterator
 from enum import StrEnum
 from typing import Protocol
 
-import numpy as np
-
-from fleet.arrays import FloatArray
+from fleet.stations.arms.playing.playback import NOTHING, Playback
 from fleet.stations.arms.transfer import Signal, Step, Transfer
 from planners.motion.path.trajectory import Trajectory
 
@@ -62,32 +60,29 @@ class ArmController:
 
     Args:
         arm: Index of the arm in the world.
-        start_rad: Joint positions at the start, shape (n_joints,).
+        playback: Has the joints of all arms, and plays what needs no decision.
     """
 
     fetches = True
     """Whether it can take a parcel before the car is there."""
 
-    def __init__(self, arm: int, start_rad: FloatArray) -> None:
+    def __init__(self, arm: int, playback: Playback) -> None:
         self.arm = arm
         self.state = ArmPhase.IDLE
-        self.q = start_rad.copy()
-        self.qd = np.zeros_like(self.q)
+        self._playback = playback
+        self.q, self.qd = playback.joints(arm)
         self.grip = False
         self.speed = 1.0
         """Playback speed, below 1 when the arm is slow; see `set_speed`."""
-        self.n_changes = 0
-        """Grows whenever the state, the step or the speed changes."""
         self.gate: Gate | None = None
         """Asked before every motion; None = always free to move."""
         self.paused = False
         """Whether the gate has stopped a motion."""
-        self.busy_s = 0.0
-        """Time spent planning and moving [s]."""
         self._steps: tuple[Step, ...] = ()
         self._back: tuple[Step, ...] = ()
         self._at = 0
-        self._elapsed_s = 0.0
+        self._clear_at = 0
+        """Number of the step from which on the dock is clear."""
         self._carrying = False
         self._lost = False
         self._denied = False
@@ -97,6 +92,11 @@ class ArmController:
         """The tip's height over the underside of a parcel that was fetched [m]."""
 
     @property
+    def done_s(self) -> float:
+        """How much of the present step is done [s]."""
+        return float(self._playback.elapsed_s[self.arm])
+
+    @property
     def carries(self) -> bool:
         """Whether a parcel is in the grip."""
         return self._carrying
@@ -104,7 +104,7 @@ class ArmController:
     @property
     def under_way(self) -> Trajectory | None:
         """The motion that has begun and is not over."""
-        if self.state is not ArmPhase.MOVING or self._elapsed_s == 0.0:
+        if self.state is not ArmPhase.MOVING or self.done_s == 0.0:
             return None
         step = self._steps[self._at]
         return step if isinstance(step, Trajectory) else None
@@ -119,18 +119,13 @@ class ArmController:
         """Motions up to the next grip or release, and how long each has gone on; negative: how long until it begins."""
         if self.state is not ArmPhase.MOVING:
             return
-        done_s = self._elapsed_s
+        done_s = self.done_s
         for step in self._steps[self._at :]:
             if isinstance(step, Trajectory):
                 yield step, done_s
                 done_s -= step.duration_s
             elif step is not Signal.CLEAR:
                 return
-
-    @property
-    def done_s(self) -> float:
-        """How much of the present step is done [s]."""
-        return self._elapsed_s
 
     @property
     def waits_for(self) -> int:
@@ -142,13 +137,13 @@ class ArmController:
     def set_speed(self, speed: float) -> None:
         """Play motions at another speed from now on."""
         self.speed = speed
-        self.n_changes += 1
+        self._playback.change(self.arm)
 
     def left_s(self) -> tuple[float, float]:
         """Time until the dock is clear, and until the transfer is over, at the present speed if nothing stops it."""
         if self.state is not ArmPhase.MOVING:
             return 0.0, 0.0
-        clear_s = left_s = -self._elapsed_s
+        clear_s = left_s = -self.done_s
         cleared = self.dock_is_clear
         for step in self._steps[self._at :]:
             if step is Signal.CLEAR and not cleared:
@@ -161,12 +156,12 @@ class ArmController:
     def dock_is_clear(self) -> bool:
         """True when the arm no longer needs the car to stand still."""
         if self.state in _BUSY:
-            return self.state is _MOVING and Signal.CLEAR in self._steps[: self._at + 1]
+            return self.state is _MOVING and self._clear_at <= self._at
         return True
 
     def request(self) -> None:
         """Note that a plan was asked for."""
-        self.n_changes += 1
+        self._playback.change(self.arm)
         self.state = ArmPhase.PLANNING
 
     def play(self, transfer: Transfer) -> None:
@@ -182,7 +177,7 @@ class ArmController:
 
     def reset(self) -> None:
         """Leave a final state and be ready for the next transfer."""
-        self.n_changes += 1
+        self._playback.change(self.arm)
         self.state = ArmPhase.IDLE
         self._steps, self._at = (), 0
 
@@ -198,7 +193,7 @@ class ArmController:
         self.grip = False
 
     def tick(self, tick_s: float, held: int) -> None:
-        """Advance by one tick.
+        """Advance by one tick that is not laid out.
 
         Args:
             tick_s: Length of the tick [s].
@@ -206,7 +201,7 @@ class ArmController:
         """
         self.qd[:] = 0.0
         if self.state in _BUSY:
-            self.busy_s += tick_s
+            self._playback.busy_s[self.arm] += tick_s
         if self._carrying and held != self.parcel and self.state in _MAY_CARRY:
             if self.gate is None or self.under_way is None:
                 self._end(ArmPhase.DROPPED)
@@ -218,21 +213,28 @@ class ArmController:
         left_s = tick_s * self.speed
         while left_s > 0.0 and self.state is _MOVING:
             left_s = self._advance(self._steps[self._at], left_s, held)
+        motion = self.under_way
+        if motion is not None and self.gate is None:
+            # With a gate it may be stopped at any time.
+            carried = self.parcel if self._carrying else NOTHING
+            self._playback.lay_out(self.arm, motion, self.speed, tick_s, carried)
 
     def _advance(self, step: Step, left_s: float, held: int) -> float:
         """Spend up to `left_s` on a step; returns what is left."""
         if step is _CLEAR:
             self._next()
             return left_s
+        done_s = self.done_s
         if isinstance(step, Trajectory):
-            if self._elapsed_s == 0.0 and self.gate is not None:
+            if done_s == 0.0 and self.gate is not None:
                 self._denied = not self.gate.may_start(step)
                 if self._denied:
                     return 0.0
-            self._elapsed_s += left_s
-            over_s = self._elapsed_s - step.duration_s
-            self.q, self.qd = step.sample(min(self._elapsed_s, step.duration_s))
-            self.qd = self.qd * self.speed
+            done_s += left_s
+            self._playback.elapsed_s[self.arm] = done_s
+            over_s = done_s - step.duration_s
+            self.q[:], qd = step.sample(min(done_s, step.duration_s))
+            self.qd[:] = qd * self.speed
             if over_s < 0.0:
                 return 0.0
             if self._lost:
@@ -242,23 +244,24 @@ class ArmController:
             return over_s
         # A grip or release is a command to the world: it takes effect with this tick, so the rest of the tick is spent.
         self.grip = step is _GRIP
-        self._elapsed_s += left_s
-        if self.grip and held == self.parcel and self._elapsed_s >= SETTLE_S:
+        done_s += left_s
+        self._playback.elapsed_s[self.arm] = done_s
+        if self.grip and held == self.parcel and done_s >= SETTLE_S:
             self._carrying = True
             self._next()
-        elif self.grip and self._elapsed_s >= GRIP_TIMEOUT_S:
+        elif self.grip and done_s >= GRIP_TIMEOUT_S:
             self.grip = False
             self._end(ArmPhase.MISSED)
         elif step is _RELEASE:
             self._carrying = False
-            if self._elapsed_s >= SETTLE_S and held != self.parcel:
+            if done_s >= SETTLE_S and held != self.parcel:
                 self._next()
         return 0.0
 
     def _next(self) -> None:
-        self.n_changes += 1
+        self._playback.change(self.arm)
         self._at += 1
-        self._elapsed_s = 0.0
+        self._playback.elapsed_s[self.arm] = 0.0
         if self._at < len(self._steps):
             return
         if self._back:
@@ -267,9 +270,11 @@ class ArmController:
             self._end(ArmPhase.DONE)
 
     def _begin(self, steps: tuple[Step, ...]) -> None:
-        self.n_changes += 1
+        self._playback.change(self.arm)
         self.state = ArmPhase.MOVING
-        self._steps, self._at, self._elapsed_s = steps, 0, 0.0
+        self._steps, self._at = steps, 0
+        self._clear_at = steps.index(_CLEAR) if _CLEAR in steps else len(steps)
+        self._playback.elapsed_s[self.arm] = 0.0
 
     def _may_move(self) -> bool:
         if self.paused and self.gate is not None:
@@ -277,7 +282,7 @@ class ArmController:
         return not self.paused
 
     def _end(self, state: ArmPhase) -> None:
-        self.n_changes += 1
+        self._playback.change(self.arm)
         self.state = state
         self._carrying = self._lost = self._denied = self.paused = False
         self._back = ()

@@ -10,6 +10,7 @@ import numpy as np
 from fleet.arrays import FloatArray, IntArray
 from fleet.config import ArmConfig
 from fleet.stations.arms.arm_controller import ArmController, ArmPhase
+from fleet.stations.arms.playing.playback import Playback
 from fleet.stations.arms.transfer import (
     ArmRequest,
     DeliverRequest,
@@ -69,13 +70,11 @@ class ArmManager:
     ) -> None:
         start_rad = np.asarray(scene.arm_start, dtype=np.float64)
         self.car = scene.cars.hull
-        self._n_joints = scene.arms.n_joints.tolist()
-        self.services = [
-            self._service(arm, q[:n]) for arm, (q, n) in enumerate(zip(start_rad, self._n_joints, strict=True))
-        ]
-        self.q = start_rad.copy()
+        self._playback = Playback(start_rad, scene.arms.n_joints.tolist())
+        self.q = self._playback.q
         """Set-points of all joints [rad], shape (n_arms, n_joints)."""
-        self.qd = np.zeros_like(start_rad)
+        self.qd = self._playback.qd
+        self.services = [self._service(arm, self._playback) for arm in range(len(start_rad))]
         self.grip = np.zeros(len(start_rad), dtype=np.bool_)
         self._planner = planner
         self._lost = lost
@@ -85,7 +84,7 @@ class ArmManager:
         self._tick_s = tick_s
         self._due: dict[int, tuple[int, int | Transfer]] = {}
         self._reasons = [""] * len(start_rad)
-        self._n_stops = [0] * len(start_rad)
+        self._n_stops = np.zeros(len(start_rad), dtype=np.int64)
         self._outside: set[int] = set()
         self.trees: dict[int, FloatArray] = {}
         """Search trees behind the plans that have landed, by arm, as in `Transfer`; whoever shows them takes them."""
@@ -183,15 +182,14 @@ class ArmManager:
             if due_tick <= tick:
                 del self._due[arm]
                 self._land(arm, answer if isinstance(answer, Transfer) else self._planner.result(answer))
+        moved = self._playback.tick(self._tick_s, held, self._n_stops).tolist()
         for service in self.services:
-            if service.state is _IDLE:
+            if service.state is _IDLE or moved[service.arm]:
                 continue
             if self._n_stops[service.arm]:
                 self.qd[service.arm] = 0.0
                 continue
             service.tick(self._tick_s, int(held[service.arm]))
-            n = self._n_joints[service.arm]
-            self.q[service.arm, :n], self.qd[service.arm, :n] = service.q, service.qd
             self.grip[service.arm] = service.grip
             if service.state is _DONE:
                 service.reset()
@@ -204,12 +202,17 @@ class ArmManager:
                 service.release()
                 self._ask(service.arm, self._planner.submit(HomeRequest(arm=service.arm, q=service.q.copy())), tick)
 
+    @property
+    def n_changes(self) -> IntArray:
+        """How often the state, step or speed of each arm has changed, shape (n_arms,)."""
+        return self._playback.n_changes
+
     def busy_s(self) -> FloatArray:
         """Time each arm has worked so far [s], shape (n_arms,)."""
-        return np.array([service.busy_s for service in self.services])
+        return self._playback.busy_s.copy()
 
-    def _service(self, arm: int, start_rad: FloatArray) -> ArmController:
-        return ArmController(arm, start_rad)
+    def _service(self, arm: int, playback: Playback) -> ArmController:
+        return ArmController(arm, playback)
 
     def _ask(self, arm: int, ticket: int, tick: int) -> None:
         self.services[arm].request()

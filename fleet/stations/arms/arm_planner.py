@@ -20,7 +20,7 @@ from fleet.stations.arms.arm_cell import ArmCell
 from fleet.stations.arms.arm_motions import Held, UnreachableError
 from fleet.stations.arms.arm_process import BEAT, ENDED, FAILED, KEEP_TREES, READY, ArmProcess, ArmWorkerError
 from fleet.stations.arms.arm_spheres import PlannedArm, planned_arm
-from fleet.stations.arms.cell_planner import CellPlanner, KnownWays
+from fleet.stations.arms.cell_planner import CellPlanner, KnownCell
 from fleet.stations.arms.refusal import PlaceRefusal, refusal_of
 from fleet.stations.arms.search import Search
 from fleet.stations.arms.transfer import ArmRequest, DeliverRequest, FetchRequest, HomeRequest, Transfer
@@ -117,7 +117,7 @@ class LocalArmPlanner:
         self._tickets = 0
         self._keeps_trees = False
         self._planners: dict[int, CellPlanner] = {}
-        self._known: dict[tuple[str, bytes], KnownWays] = {}
+        self._known: dict[tuple[str, bytes], KnownCell] = {}
         self._setup = setup
         self._arms: dict[str, PlannedArm] = {}
         self._engines: dict[str, EngineConfirm] = {}
@@ -150,7 +150,7 @@ class LocalArmPlanner:
             spec = setup.specs[arm]
             key = spec.name, cell.geometry_key()
             if key not in judged:
-                judged[key] = refusal_of(self._planner(arm), partial(self._planner_of, spec))
+                judged[key] = refusal_of(self._planner(arm), partial(self._other_planner, spec))
             refusal = judged[key]
             if refusal is not None:
                 refusals.append(refusal.words(name, spec, cell))
@@ -161,17 +161,25 @@ class LocalArmPlanner:
         """The planner of an arm, made when it is first needed."""
         if arm not in self._planners:
             spec, cell = self._setup.specs[arm], self._setup.cells[arm]
-            known = self._known.setdefault((spec.name, cell.geometry_key()), KnownWays())
-            planner = self._planner_of(spec, cell, known)
+            key = spec.name, cell.geometry_key()
+            if key not in self._known:
+                self._known[key] = self._known_of(spec, cell)
+            planner = self._planner_of(spec, cell, self._known[key])
             if self._keeps_trees:
                 planner.keep_trees()
             self._planners[arm] = planner
         return self._planners[arm]
 
-    def _planner_of(self, spec: ArmSpec, cell: ArmCell, known: KnownWays | None = None) -> CellPlanner:
+    def _known_of(self, spec: ArmSpec, cell: ArmCell) -> KnownCell:
+        return KnownCell(cell, self._arms[spec.name], self._engines.get(spec.name))
+
+    def _planner_of(self, spec: ArmSpec, cell: ArmCell, known: KnownCell) -> CellPlanner:
         search = Search(self._setup.planner, self._setup.n_iterations)
-        arm, engine = self._arms[spec.name], self._engines.get(spec.name)
-        return CellPlanner(cell, arm, cell.car, search, known=known, confirm=engine)
+        return CellPlanner(cell, self._arms[spec.name], cell.car, search, known=known)
+
+    def _other_planner(self, spec: ArmSpec, cell: ArmCell) -> CellPlanner:
+        """A planner for surroundings that are not those of any arm."""
+        return self._planner_of(spec, cell, self._known_of(spec, cell))
 
     def wait_ready(self) -> None:
         """Nothing to wait for: see the constructor."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import islice
 
 import numpy as np
@@ -112,22 +112,57 @@ ATTEMPTS = (
 """Tried in this order until a motion is free; the first is the fastest."""
 
 
-@dataclass(kw_only=True)
-class KnownWays:
-    """Via points and timed ways between them; cells with the same surroundings share them."""
+class KnownCell:
+    """What is known of an arm among its surroundings; cells with the same surroundings share it.
 
-    vias: dict[int, FloatArray] = field(default_factory=dict)
-    """Configuration of each via point, shape (n,)."""
-    ways: dict[tuple[int, int, bool], Trajectory] = field(default_factory=dict)
-    """From, to, loaded -> the motion."""
-    attempts: dict[tuple[int, int, bool], Attempt] = field(default_factory=dict)
-    """The same -> how it was found."""
+    To make the scenes of collision checks takes ten milliseconds, which a floor with hundreds of arms of few kinds need
+    not spend on each of them.
+
+    Args:
+        cell: The surroundings.
+        arm: The arm with its tool.
+        confirm: The physics engine's last word, if there is an engine.
+    """
+
+    def __init__(self, cell: ArmCell, arm: PlannedArm, confirm: Confirm | None) -> None:
+        spec, model = arm.spec, arm.spheres
+        self.motions = ArmMotions(spec, confirm)
+        self.boxes = Boxes(centre=cell.box_centre, half=cell.box_half, yaw=cell.box_yaw, min_frame=cell.box_min_frame)
+        self.line_boxes = without_slots(self.boxes, cell.slots)
+        """The obstacles of straight lines."""
+        held = box_spheres((MAX_EDGE_M / 2,) * 3)
+        below = np.array([0.0, 0.0, spec.tool.length_m + MAX_EDGE_M / 2])
+        dock = Boxes.one(cell.dock_box[0], cell.dock_box[1], yaw=cell.dock_yaw)
+        self.empty = CollisionChecker(model, self.boxes, margin=MARGIN_M)
+        self.over_cars = CollisionChecker(model, Boxes.join(self.boxes, dock), margin=MARGIN_M)
+        self.loaded = CollisionChecker(model, self.boxes, held_spheres=(held[0] + below, held[1]), margin=MARGIN_M)
+        self.line = CollisionChecker(model, self.line_boxes, margin=LINE_MARGIN_M)
+        self.vias: dict[int, FloatArray] = {HOME: spec.home_rad}
+        """Configuration of each via point, shape (n,)."""
+        self.ways: dict[tuple[int, int, bool], Trajectory] = {}
+        """From, to, loaded -> the motion."""
+        self.attempts: dict[tuple[int, int, bool], Attempt] = {}
+        """The same -> how it was found."""
 
     def forget(self, place: int) -> None:
         """Drop a via point and its ways."""
         del self.vias[place]
         for key in [key for key in self.ways if place in key[:2]]:
             del self.ways[key], self.attempts[key]
+
+
+def without_slots(boxes: Boxes, slots: FloatArray) -> Boxes:
+    """Obstacles without the parcels assumed on some slots, whose places are the targets.
+
+    Args:
+        boxes: All obstacles.
+        slots: Centres of the slots' top surfaces [m], shape (k, 3).
+    """
+    half = MAX_EDGE_M / 2
+    tops = slots + np.array([0.0, 0.0, half])
+    gap = np.linalg.norm(boxes.centre[:, None] - tops[None], axis=2).min(axis=1, initial=np.inf)
+    keep = (gap > 1e-6) | (np.abs(boxes.half - half).max(axis=1) > 1e-6)
+    return Boxes(centre=boxes.centre[keep], half=boxes.half[keep], yaw=boxes.yaw[keep], min_frame=boxes.min_frame[keep])
 
 
 class CellPlanner:
@@ -141,8 +176,7 @@ class CellPlanner:
         arm: The arm; its tool decides how a parcel is approached.
         car: Gives the tray's orientation-free size.
         search: Finds the ways between via points.
-        known: Ways of other cells with the same surroundings, shared.
-        confirm: The physics engine's last word, if there is an engine.
+        known: What cells with the same surroundings share; None = nothing is shared, and there is no engine.
     """
 
     def __init__(
@@ -152,28 +186,14 @@ class CellPlanner:
         car: CarSpec,
         search: Search,
         *,
-        known: KnownWays | None = None,
-        confirm: Confirm | None = None,
+        known: KnownCell | None = None,
     ) -> None:
         self.cell = cell
-        spec, tool, model = arm.spec, arm.spec.tool, arm.spheres
-        self._model, self._spec, self._tool, self._car = model, spec, tool, car
-        self._motions = ArmMotions(spec, confirm)
+        self._spec, self._tool, self._car = arm.spec, arm.spec.tool, car
         self._search = search
-        boxes = Boxes(centre=cell.box_centre, half=cell.box_half, yaw=cell.box_yaw, min_frame=cell.box_min_frame)
-        held = box_spheres((MAX_EDGE_M / 2,) * 3)
-        below = np.array([0.0, 0.0, tool.length_m + MAX_EDGE_M / 2])
-        dock = Boxes.one(cell.dock_box[0], cell.dock_box[1], yaw=cell.dock_yaw)
-        self._empty = CollisionChecker(model, boxes, margin=MARGIN_M)
-        self._over_cars = CollisionChecker(model, Boxes.join(boxes, dock), margin=MARGIN_M)
-        self._largest = (held[0] + below, held[1])
-        self._loaded = CollisionChecker(model, boxes, held_spheres=self._largest, margin=MARGIN_M)
-        self._boxes = boxes
-        self._line_boxes = self._without_slots(boxes)
-        self._line = CollisionChecker(model, self._line_boxes, margin=LINE_MARGIN_M)
-        self._retrieval = Retrieval(arm, self._motions, search, Margins(travel_m=MARGIN_M, line_m=LINE_MARGIN_M))
-        self._known = known if known is not None else KnownWays()
-        self._known.vias[HOME] = spec.home_rad
+        self._known = known = known or KnownCell(cell, arm, None)
+        self._motions = known.motions
+        self._retrieval = Retrieval(arm, known.motions, search, Margins(travel_m=MARGIN_M, line_m=LINE_MARGIN_M))
         self._via_tips: dict[int, FloatArray] = {}
         self._admissions: Recent[FloatArray] = Recent(N_LAST_TRANSFERS)
         self._descents: Recent[tuple[Trajectory, Trajectory]] = Recent(N_LAST_TRANSFERS)
@@ -206,7 +226,7 @@ class CellPlanner:
         Raises:
             PlaceError: A slot or the tray cannot be served, or the arm cannot rest.
         """
-        if not self._over_cars.free(self._spec.home_rad):
+        if not self._known.over_cars.free(self._spec.home_rad):
             raise PlaceError(HOME, "something stands where the arm rests, or too near")
         self._settle(TRAY, ((HOME, False),))
         for slot in range(len(self.cell.slots)):
@@ -273,11 +293,11 @@ class CellPlanner:
         """Plan the way home from anywhere."""
         # A failed line ends low, beside things: first straight up, then home.
         up = self._climb(request.q)
-        result = self._search.way(self._empty, up[-1], self._spec.home_rad[None])
+        result = self._search.way(self._known.empty, up[-1], self._spec.home_rad[None])
         if not result.solved:
             return Transfer(arm=request.arm, parcel=-1, steps=(), reason=f"no way home ({result.status.value})")
-        moves = [] if len(up) == 1 else [self._motions.timed_line(up, self._line)]
-        moves.append(self._motions.timed(result.path, 1.0, self._empty))
+        moves = [] if len(up) == 1 else [self._motions.timed_line(up, self._known.line)]
+        moves.append(self._motions.timed(result.path, 1.0, self._known.empty))
         return Transfer(arm=request.arm, parcel=-1, steps=tuple(moves))
 
     def _transfer(self, request: TransferRequest) -> Transfer:
@@ -303,7 +323,8 @@ class CellPlanner:
         held = Held(size_m=grips.size_m, below_tip_m=grips.height_m - grips.size_m[2] / 2)
         over = self._from_via(grips, held, request.place_via)
         if over is None:
-            boxes = self._without_slots(self._boxes, near=pose[:3, 3])
+            near = np.linalg.norm(self.cell.slots[:, :2] - pose[:2, 3], axis=1) < NEIGHBOUR_M
+            boxes = without_slots(self._known.boxes, self.cell.slots[near])
             try:
                 over = self._retrieval.steps(grips, held, boxes, self._via(request.place_via))
             except UnreachableError as error:
@@ -355,7 +376,7 @@ class CellPlanner:
 
         def timed() -> tuple[Trajectory, Trajectory]:
             lower, lift = (
-                self._motions.confirmed(self._motions.timed_line(path, self._line), self._line_boxes, load)
+                self._motions.confirmed(self._motions.timed_line(path, self._known.line), self._known.line_boxes, load)
                 for path, load in ((down, before), (down[::-1], after))
             )
             return lower, lift
@@ -439,7 +460,7 @@ class CellPlanner:
 
     def _straight(self, q: FloatArray, tip: FloatArray) -> FloatArray | None:
         line = self._motions.line(q, tip)
-        return line if line is not None and self._line.path_free(line) else None
+        return line if line is not None and self._known.line.path_free(line) else None
 
     def _climb(self, q: FloatArray) -> FloatArray:
         """As far up as it goes, at most `LIFT_M`; at least the present configuration, shape (k, n)."""
@@ -447,7 +468,7 @@ class CellPlanner:
             tip = self._motions.tip(q)
             tip[2, 3] += lift
             line = self._motions.line(q, tip)
-            if line is not None and self._empty.free(line[-1]):
+            if line is not None and self._known.empty.free(line[-1]):
                 return line
         return q[None]
 
@@ -477,7 +498,7 @@ class CellPlanner:
         q = np.concatenate(candidates)
         inside = ((q > self._spec.lower_rad + LIMIT_MARGIN_RAD) & (q < self._spec.upper_rad - LIMIT_MARGIN_RAD)).all(1)
         q = q[inside]
-        q = q[self._loaded.batch(q)] if len(q) else q
+        q = q[self._known.loaded.batch(q)] if len(q) else q
         travel_s = sum(np.abs((q - anchor) / self._spec.max_velocity_radps).max(axis=1) for anchor in anchors)
         for k in np.argsort(travel_s, kind="stable") if len(q) else ():
             if self._serves(q[k], support):
@@ -522,14 +543,14 @@ class CellPlanner:
                 path = result.path if a < b else result.path[::-1]
                 try:
                     motion = self._motions.timed(path, attempt.speed, checker)
-                    return self._motions.confirmed(motion, self._boxes, held), attempt
+                    return self._motions.confirmed(motion, self._known.boxes, held), attempt
                 except TouchingError as error:
                     refusal = refusal or error
         raise UnreachableError(f"no way {_between(a, b)}: {refusal}")
 
     def _way_checker(self, *, loaded: bool) -> CollisionChecker:
         """Without a parcel an arm only comes to a car or leaves it: cars may drive below it."""
-        return self._loaded if loaded else self._over_cars
+        return self._known.loaded if loaded else self._known.over_cars
 
     def _searched(self, a: int, b: int, attempt: Attempt, *, loaded: bool) -> tuple[MotionResult, list[SearchTree]]:
         """What a search from the lower via point to the higher finds, and its trees apart from those of others."""
@@ -551,24 +572,6 @@ class CellPlanner:
         if key not in self._way_trees:
             self._way_trees[key] = self._searched(a, b, attempt, loaded=loaded)[1]
         self._search.add_trees(self._way_trees[key])
-
-    def _without_slots(self, boxes: Boxes, near: FloatArray | None = None) -> Boxes:
-        """The obstacles of straight lines: without the parcels assumed on the slots, whose places are the targets.
-
-        Args:
-            boxes: All obstacles.
-            near: Only on slots around this point, in the base frame [m], shape (3,); None = on all.
-        """
-        half = MAX_EDGE_M / 2
-        slots = self.cell.slots
-        if near is not None:
-            slots = slots[np.linalg.norm(slots[:, :2] - near[:2], axis=1) < NEIGHBOUR_M]
-        tops = slots + np.array([0.0, 0.0, half])
-        gap = np.linalg.norm(boxes.centre[:, None] - tops[None], axis=2).min(axis=1, initial=np.inf)
-        keep = (gap > 1e-6) | (np.abs(boxes.half - half).max(axis=1) > 1e-6)
-        return Boxes(
-            centre=boxes.centre[keep], half=boxes.half[keep], yaw=boxes.yaw[keep], min_frame=boxes.min_frame[keep]
-        )
 
 
 def place_name(place: int) -> str:

@@ -75,12 +75,12 @@ class Trajectory:
         if time_s >= self.t[-1]:
             return self.q[-1].copy(), self.qd[-1].copy()
         state = np.empty((2, self.q.shape[1]))
-        _interpolate(self.t, self.q, self.qd, time_s, state)
+        interpolate(self.t, self.q, self.qd, time_s, state)
         return state[0], state[1]
 
 
 @kernel
-def _interpolate(t: FloatArray, q: FloatArray, qd: FloatArray, time: float, state: FloatArray) -> None:
+def interpolate(t: FloatArray, q: FloatArray, qd: FloatArray, time: float, state: FloatArray) -> None:
     """Fill `state` (2, n) with joint angles and velocities at a time between the first sample and the last."""
     dt = t[1] - t[0]
     i = min(int(time / dt), len(t) - 2)

@@ -10,6 +10,7 @@ from fleet.envs import warehouse_v1
 from fleet.envs.policies.warehouse import Classical
 from fleet.robots import ARMS
 from fleet.stations.arms.arm_controller import ArmController
+from fleet.stations.arms.playing.playback import Playback
 from fleet.stations.arms.transfer import Signal, Transfer
 from planners.motion.path.trajectory import retime
 
@@ -25,7 +26,7 @@ def way(share: float) -> Transfer:
 
 def at_limits(share: float, pace: float) -> list[str]:
     """What an arm does in every tick of a motion at a share of the limits that is played at a pace."""
-    player = ArmController(0, np.zeros(7))
+    player = ArmController(0, Playback(np.zeros((1, 7)), [7]))
     player.play(way(share))
     player.set_speed(pace)
     did = []
@@ -48,7 +49,7 @@ def test_an_arm_is_at_its_limits_when_a_joint_is() -> None:
 
 
 def test_steps_are_named_by_their_place_in_the_plan() -> None:
-    player = ArmController(0, np.zeros(7))
+    player = ArmController(0, Playback(np.zeros((1, 7)), [7]))
     player.play(way(1.0))
     assert step_of(player) == "other"
     player.play(Transfer(arm=0, parcel=1, steps=way(1.0).steps * (len(STEPS) // 2)))

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from fleet.arrays import FloatArray
 from fleet.config import ArmConfig
 from fleet.errors import FleetError
 from fleet.stations.arms.arm_controller import ArmController, ArmPhase
 from fleet.stations.arms.arm_manager import ArmManager, ArmPlanner
+from fleet.stations.arms.playing.playback import Playback
 from fleet.stations.arms.transfer import ArmRequest, Transfer, TransferRequest
 from fleet.world.scene import Scene
 
@@ -50,8 +50,8 @@ class AgentService(ArmController):
 
     fetches = False
 
-    def __init__(self, arm: int, start_rad: FloatArray) -> None:
-        super().__init__(arm, start_rad)
+    def __init__(self, arm: int, playback: Playback) -> None:
+        super().__init__(arm, playback)
         self.transfer: TransferRequest | None = None
         """What the agent is asked to do now."""
         self._was_held = False
@@ -73,7 +73,7 @@ class AgentService(ArmController):
 
     def tick(self, tick_s: float, held: int) -> None:
         """See `ArmController`."""
-        self.busy_s += tick_s
+        self._playback.busy_s[self.arm] += tick_s
         self._was_held = self._was_held or held == self.parcel
         self._free_s = self._free_s + tick_s if self._was_held and held != self.parcel else 0.0
         if self._free_s >= REST_S:
@@ -127,5 +127,5 @@ class AgentArmManager(ArmManager):
         service = self.services[arm]
         return service.transfer if isinstance(service, AgentService) else None
 
-    def _service(self, arm: int, start_rad: FloatArray) -> ArmController:
-        return AgentService(arm, start_rad) if arm in self._by_agent else super()._service(arm, start_rad)
+    def _service(self, arm: int, playback: Playback) -> ArmController:
+        return AgentService(arm, playback) if arm in self._by_agent else super()._service(arm, playback)

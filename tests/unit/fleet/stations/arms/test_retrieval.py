@@ -55,7 +55,7 @@ def test_motions_join_and_keep_clear(planner, place):
     request = lying_at(planner, *place)
     transfer = planner.transfer(request)
     assert transfer.reason == ""
-    solid = CollisionChecker(planner._model, planner._without_slots(planner._boxes), margin=0.0)
+    solid = CollisionChecker(planner._known.empty.model, planner._known.line_boxes, margin=0.0)
     here = planner._spec.home_rad
     for step in transfer.steps:
         if isinstance(step, Trajectory):

@@ -1,0 +1,1 @@
+"""Playing: arms move as it was planned."""
