@@ -204,7 +204,8 @@ def assemble(
     visit_queue = VisitQueue(missions, places, ways, reasons)
     offers = Offers(missions, ways, routes, fitness, open_deliveries, visit_queue)
     allocation = parts.allocation(missions, cost_model, solver, offers, turns, horizon, reasons)
-    transfers = Transfers(inventory, perception, arm_manager, driver, world)
+    tray_of = scene.cars.tray_of
+    transfers = Transfers(inventory, perception, arm_manager, driver, world, tray_of)
     docks = Docks(missions, ways, services, transfers, admission, inventory, log)
     visits = Visits(missions, places, routes, ways, charging, world, log)
     fastest_move_s = site.grid.cell_m / scene.cars.most("max_speed_mps")
@@ -217,7 +218,7 @@ def assemble(
         interventions=Interventions(missions, ways, inventory, docks, admission, visits, config.timeouts),
         admission=admission,
         docks=docks,
-        prefetch=Prefetch(missions, ways, arm_manager, perception, clock.tick_s, log),
+        prefetch=Prefetch(missions, ways, arm_manager, perception, clock.tick_s, log, tray_of),
         visits=visits,
         parking=Parking(places.parking, places.waiting, missions, ways),
         charging=charging,

@@ -31,6 +31,7 @@ LONG = (
     "tests/integration/test_connect_modes.py",
     "tests/integration/test_disturbances.py",
     "tests/integration/test_export_command.py",
+    "tests/integration/test_huskies.py",
     "tests/integration/test_imported_sites.py",
     "tests/integration/test_mixed_runs.py",
     "tests/integration/test_mqtt.py",

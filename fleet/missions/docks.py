@@ -80,7 +80,7 @@ class Docks:
                 continue
             if missions.served[station.arm] != NOBODY or not missions.bookings.has(car):
                 continue
-            if not self._arms.is_ready(station.arm, task.parcel):
+            if not self._arms.is_ready(station.arm, task.parcel, self._transfers.tray_of(car)):
                 continue
             if not loading and task.drop_slot is None:
                 task.drop_slot = station.take_slot(task.index)

@@ -188,13 +188,18 @@ class FakeArms:
         self.fetched: list[Any] = []
         self.returned: list[int] = []
         self.reasons = [""] * n_arms
+        self.trays: dict[int, int] = {}
 
     def is_idle(self, arm: int) -> bool:
         return self.services[arm].state is ArmPhase.IDLE
 
-    def is_ready(self, arm: int, parcel: int) -> bool:
+    def fetched_for(self, arm: int) -> int:
+        return self.trays.get(arm, 0)
+
+    def is_ready(self, arm: int, parcel: int, tray: int = 0) -> bool:
         service = self.services[arm]
-        return self.is_idle(arm) or (service.state is ArmPhase.HOLDING and service.parcel == parcel)
+        holds = service.state is ArmPhase.HOLDING and service.parcel == parcel
+        return self.is_idle(arm) or (holds and self.fetched_for(arm) == tray)
 
     def submit(self, request: Any, tick: int) -> None:
         del tick
