@@ -420,7 +420,7 @@ class Recovery:
         rejoin.target, way = found
         self._lay_out(driver, car, way)
         turns_s = run.scene.cars[car].lock_to_lock_s
-        rejoin.stage, rejoin.starts_tick = _Stage.DRIVING, tick + round(turns_s / run.tick_s)
+        rejoin.stage, rejoin.starts_tick = _Stage.DRIVING, tick + max(1, round(turns_s / run.tick_s))
         run.events.log("rejoin", car=f"car_{car}", state=rejoin.target, length_m=round(way.length_m, 2))
 
     def _fail(self, driver: PathDriver, car: int, rejoin: _Rejoin, tick: int) -> None:

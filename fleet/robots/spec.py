@@ -136,6 +136,8 @@ class CarSpec(CarLimits):
     tray_size_m: tuple[float, float, float]
     """Inner length, inner width, wall height of the tray [m]."""
     tray_wall_m: float
+    tray_places: tuple[tuple[float, float], ...] = ((0.0, 0.0),)
+    """Where parcels are set down, ahead of the tray's centre and to the left of it [m]."""
     visuals: tuple[Visual, ...]
     """Links: 'chassis' (frame of the reference point), `WHEELS`, 'tray'."""
     rear_axle_m: float = 0.0

@@ -108,7 +108,7 @@ def test_an_order_that_no_car_may_carry_is_refused_by_name(wide: str, tmp_path: 
     path.write_text(HEADER + "light,0,pick_1,drop_1,0.4,0.06\nheavy,0,pick_2,drop_2,2.5,0.1\n")
     config = RunConfig(site=wide, robots=2, orders=path, fidelity=Fidelity.GRID, duration_s=10.0)
     result = run_session(config, SessionConfig(out=tmp_path / "out", record=False, check=True))
-    assert any("heavy" in line and "2.5" in line for line in result.orders_refused)
+    assert any("line 3: mass_kg is '2.5'; valid: at most 2, the greatest" in line for line in result.orders_refused)
 
 
 def test_speeds_and_turns_stay_within_the_limits(wide: str) -> None:

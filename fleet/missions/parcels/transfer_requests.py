@@ -84,6 +84,7 @@ class Transfers:
                 place_via=TRAY if loading else slot,
                 car_pose=self._driver.estimate[car].copy(),
                 tray=self.tray_of(car),
+                tray_at_m=self._inventory.free_place(car) if loading else (0.0, 0.0),
             ),
             tick,
         )

@@ -51,6 +51,8 @@ def _spec() -> CarSpec:
         tray_floor_z_m=own.tray_floor_z_m,
         tray_size_m=own.tray_size_m,
         tray_wall_m=TRAY.wall_m,
+        # One behind the other: arms on either side of a dock reach them, and tools have room beside what lies there.
+        tray_places=((0.0, 0.0), (0.22, 0.0), (-0.22, 0.0)),
         visuals=own.visuals,
     )
 

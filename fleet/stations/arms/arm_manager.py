@@ -165,6 +165,7 @@ class ArmManager:
                 car_pose=request.car_pose,
                 grip_height_m=service.grip_height_m,
                 tray=request.tray,
+                tray_at_m=request.tray_at_m,
             )
         self._ask(request.arm, self._planner.submit(question), tick)
 

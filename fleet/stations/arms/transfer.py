@@ -44,6 +44,8 @@ class TransferRequest:
     """Estimated pose x, y, yaw of the car at the dock."""
     tray: int = 0
     """Which kind of tray that car has."""
+    tray_at_m: tuple[float, float] = (0.0, 0.0)
+    """Where in it a parcel is set down, ahead of its centre and to the left of it [m]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,6 +80,8 @@ class DeliverRequest:
     """The tip's height over the parcel's underside [m]."""
     tray: int = 0
     """Which kind of tray that car has; the one for which the parcel was fetched."""
+    tray_at_m: tuple[float, float] = (0.0, 0.0)
+    """As in `TransferRequest`."""
 
 
 @dataclass(frozen=True, kw_only=True)
