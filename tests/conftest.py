@@ -20,6 +20,7 @@ os.environ.setdefault("RERUN_STRICT", "1")
 REPOSITORY = Path(__file__).resolve().parent.parent
 LONG = (
     "tests/architecture/test_extend.py",
+    "tests/contract/test_cars_on_lanes.py",
     "tests/contract/test_envs.py",
     "tests/guide",
     "tests/integration/test_arm_workers.py",
