@@ -13,8 +13,8 @@ from fleet.proving.show import arrivals_apart
 from fleet.proving.trial import TrialReport, drive, yaw_rate_error
 from fleet.proving.vehicles import TICK_S, VEHICLES
 from fleet.robots import CARS, CarModels
+from fleet.robots.differential import SkidChassis
 from fleet.robots.twist import TWIST_ROBOTS
-from fleet.robots.twist.spec import SkidChassis
 from fleet.world.bullet.cars import Cars
 from fleet.world.bullet.vehicles.floor import BareFloor
 from fleet.world.bullet.vehicles.legged import Legged

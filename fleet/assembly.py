@@ -23,6 +23,7 @@ from fleet.dispatch.solver import Solver
 from fleet.missions.admission import Admission
 from fleet.missions.charging import Charging
 from fleet.missions.docks import Docks
+from fleet.missions.parcels.aboard import Aboard
 from fleet.missions.parcels.inventory import Inventory
 from fleet.missions.parcels.perception import SeenPoses, TruePoses
 from fleet.missions.parcels.prefetch import Prefetch
@@ -204,8 +205,12 @@ def assemble(
     visit_queue = VisitQueue(missions, places, ways, reasons)
     offers = Offers(missions, ways, routes, fitness, open_deliveries, visit_queue)
     allocation = parts.allocation(missions, cost_model, solver, offers, turns, horizon, reasons)
-    transfers = Transfers(inventory, perception, arm_manager, driver, world)
-    docks = Docks(missions, ways, services, transfers, admission, inventory, log)
+    tray_of = scene.cars.tray_of
+    transfers = Transfers(inventory, perception, arm_manager, driver, world, tray_of)
+    n_places = [len(kind.tray_places) if config.allocation.fill_trays else 1 for kind in scene.cars.kinds]
+    places_n = np.array(n_places, dtype=np.int64)[scene.cars.kind_of]
+    aboard = Aboard(missions, ways, slots, open_deliveries, abilities, places_n, log)
+    docks = Docks(missions, ways, services, transfers, admission, inventory, aboard, log)
     visits = Visits(missions, places, routes, ways, charging, world, log)
     fastest_move_s = site.grid.cell_m / scene.cars.most("max_speed_mps")
     rules = DispatchRules(
@@ -217,7 +222,7 @@ def assemble(
         interventions=Interventions(missions, ways, inventory, docks, admission, visits, config.timeouts),
         admission=admission,
         docks=docks,
-        prefetch=Prefetch(missions, ways, arm_manager, perception, clock.tick_s, log),
+        prefetch=Prefetch(missions, ways, arm_manager, perception, clock.tick_s, log, tray_of),
         visits=visits,
         parking=Parking(places.parking, places.waiting, missions, ways),
         charging=charging,

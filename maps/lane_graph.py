@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from maps.errors import MapsError
 from maps.grid import DCOL, DROW, GridMap
-from maps.vehicle import ENTRY_INSET_M, TURN_RADIUS_M, Footprint
+from maps.vehicle import BODY_FRONT_M, ENTRY_INSET_M, TURN_M_PER_RAD, TURN_RADIUS_M, Footprint
 
 if TYPE_CHECKING:  # heavy, and most users of a lane graph need neither
     import networkx as nx
@@ -30,6 +30,10 @@ _TOLERANCE_M = 1e-9
 _FLOATS = ("state_pose", "move_length", "path_points", "path_s")
 SAMPLE_STEP_M = 0.05
 """Largest distance between neighbouring path samples of a car-like move [m]."""
+SAMPLE_STEP_RAD = 0.1
+"""Largest angle between neighbouring samples of a turn on the spot [rad]."""
+_USUAL = Footprint(front_m=BODY_FRONT_M, rear_m=ENTRY_INSET_M, half_width_m=0.0, turn_radius_m=TURN_RADIUS_M)
+"""How a vehicle moves whose moves sweep the cells of their ends."""
 
 
 class MoveKind(IntEnum):
@@ -158,6 +162,9 @@ def build_lane_graph(
     A turn is straight, quarter circle of 0.4 m radius, straight; it is left out where a straight part would be
     negative, so a dock whose stop pose lies deeper in its cell has only its straight exit.
 
+    A vehicle that turns on the spot waits in the middle of its cell, also in docks; its left and right moves are a
+    quarter turn there and a straight on into the next cell.
+
     A vehicle stands in one cell, and may sweep more than two on its way from one to the next. Moves that are too tight
     for it, that sweep cells without a lane, or that begin or end where its body does not fit into the cell, are left
     out; a state that so loses all of its moves is still there.
@@ -173,7 +180,7 @@ def build_lane_graph(
     if motion != "carlike":
         raise MotionError(f"lane graph of a site: motion {motion!r} is unknown; valid: 'carlike'")
     grid = site.grid
-    cell_m = grid.cell_m
+    cell_m, body = grid.cell_m, footprint or _USUAL
     if cell_m / 2 - TURN_RADIUS_M - ENTRY_INSET_M < -_TOLERANCE_M:
         raise MotionError(f"lane graph: cell_m {cell_m} is too small; valid: at least 1.0")
 
@@ -186,13 +193,13 @@ def build_lane_graph(
     index = _state_index(cell, heading, grid.n_cells)
 
     offset = np.zeros(n_states)  # how much deeper than the usual 0.1 m the car stands
-    for station in site.stations:
+    for station in () if body.pivots else site.stations:
         state = index[station.dock.cell, station.dock.heading]
         if state >= 0:
             offset[state] = station.dock.stop_offset_m
     yaw = heading * (math.pi / 2)
     ahead = np.column_stack((np.cos(yaw), np.sin(yaw)))
-    pose = np.column_stack((grid.cell_xy(cell) + ahead * (ENTRY_INSET_M + offset - cell_m / 2)[:, None], yaw))
+    pose = np.column_stack((grid.cell_xy(cell) + ahead * (body.inset_m(cell_m) + offset - cell_m / 2)[:, None], yaw))
 
     moves: list[npt.NDArray[np.int64]] = []  # rows (from, to, kind)
     for kind, quarter in ((STRAIGHT, 0), (LEFT, 1), (RIGHT, 3)):
@@ -201,7 +208,7 @@ def build_lane_graph(
         to = np.where(next_cell >= 0, index[next_cell, next_heading], -1)
         # A lane into the next cell counts only if it starts in this cell, and heading fixes that already.
         possible = to >= 0
-        if kind is not STRAIGHT:
+        if kind is not STRAIGHT and not body.pivots:
             lead_in = cell_m / 2 - TURN_RADIUS_M - ENTRY_INSET_M - offset
             possible &= lead_in >= -_TOLERANCE_M
         source = np.flatnonzero(possible)
@@ -219,7 +226,7 @@ def build_lane_graph(
         fits = np.array([cells is not None and bool(drivable[cells].all()) for cells in swept], dtype=np.bool_)
         move, beside = move[fits], [cells for cells in swept if cells is not None and drivable[cells].all()]
 
-    length, paths = _carlike_paths(move, pose, offset, cell_m)
+    length, paths = _carlike_paths(move, pose, offset, cell_m, pivots=body.pivots)
     return _assemble("carlike", cell, heading, pose, index, move, length, paths, beside)
 
 
@@ -369,22 +376,24 @@ def _ahead_of(
 
     None if the move is too tight, or the body does not stand in one cell before or after it.
     """
-    turns = kind in (LEFT, RIGHT)
+    turns = kind in (LEFT, RIGHT) and not footprint.pivots
     if turns and footprint.turn_radius_m > TURN_RADIUS_M + _TOLERANCE_M:
         return None
-    points, _ = _template(kind, offset_from, offset_to, cell_m)
-    at = points + np.array([ENTRY_INSET_M + offset_from - cell_m / 2, 0.0, 0.0])
+    points, _ = _template(kind, offset_from, offset_to, cell_m, pivots=footprint.pivots)
+    at = points + np.array([footprint.inset_m(cell_m) + offset_from - cell_m / 2, 0.0, 0.0])
     if any(len(footprint.cells(at[[k]], cell_m)) > 1 for k in (0, -1)):
         return None
     return tuple(sorted(footprint.cells(at, cell_m)))
 
 
-def _carlike_paths(move: npt.NDArray[np.int64], pose: Floats, offset: Floats, cell_m: float) -> tuple[Floats, _Paths]:
+def _carlike_paths(
+    move: npt.NDArray[np.int64], pose: Floats, offset: Floats, cell_m: float, *, pivots: bool
+) -> tuple[Floats, _Paths]:
     """Length and samples of every move; moves alike in kind and stop offsets share one template, moved rigidly."""
     deep_from, deep_to = np.round(offset[move[:, 0]], 9), np.round(offset[move[:, 1]], 9)
     keys, group = np.unique(np.column_stack((move[:, 2], deep_from, deep_to)), axis=0, return_inverse=True)
     group = group.ravel()
-    templates = [_template(MoveKind(int(kind)), a, b, cell_m) for kind, a, b in keys]
+    templates = [_template(MoveKind(int(kind)), a, b, cell_m, pivots=pivots) for kind, a, b in keys]
     count = np.array([len(s) for _, s in templates], dtype=np.int64)[group]
     length = np.array([s[-1] for _, s in templates])[group]
     ptr = np.concatenate(([0], np.cumsum(count)))
@@ -402,13 +411,17 @@ def _carlike_paths(move: npt.NDArray[np.int64], pose: Floats, offset: Floats, ce
     return length, (ptr, points, path_s)
 
 
-def _template(kind: MoveKind, offset_from: float, offset_to: float, cell_m: float) -> tuple[Floats, Floats]:
+def _template(
+    kind: MoveKind, offset_from: float, offset_to: float, cell_m: float, *, pivots: bool
+) -> tuple[Floats, Floats]:
     """Samples (x, y, yaw) in the frame of the from pose and their arc length, for one kind of move."""
     if kind in (STRAIGHT, REVERSE):
         sign = 1.0 if kind is STRAIGHT else -1.0
         length = cell_m + sign * (offset_to - offset_from)
         s = np.linspace(0.0, length, max(2, math.ceil(length / SAMPLE_STEP_M - _TOLERANCE_M) + 1))
         return np.column_stack((sign * s, np.zeros_like(s), np.zeros_like(s))), s
+    if pivots:
+        return _pivoted(1.0 if kind is LEFT else -1.0, cell_m)
     radius = TURN_RADIUS_M
     lead_in = cell_m / 2 - radius - ENTRY_INSET_M - offset_from
     lead_out = cell_m / 2 - radius + ENTRY_INSET_M + offset_to
@@ -425,6 +438,17 @@ def _template(kind: MoveKind, offset_from: float, offset_to: float, cell_m: floa
     y = radius * (1.0 - np.cos(angle)) + np.maximum(s - lead_in - arc, 0.0)
     side = 1.0 if kind is LEFT else -1.0
     return np.column_stack((x, side * y, side * angle)), s
+
+
+def _pivoted(side: float, cell_m: float) -> tuple[Floats, Floats]:
+    """The same for a quarter turn on the spot and a cell ahead."""
+    yaws = np.linspace(0.0, math.pi / 2, math.ceil(math.pi / 2 / SAMPLE_STEP_RAD) + 1)
+    way = np.linspace(0.0, cell_m, math.ceil(cell_m / SAMPLE_STEP_M - _TOLERANCE_M) + 1)[1:]
+    points = np.zeros((len(yaws) + len(way), 3))
+    points[: len(yaws), 2] = side * yaws
+    points[len(yaws) :, 1], points[len(yaws) :, 2] = side * way, side * math.pi / 2
+    turned = TURN_M_PER_RAD * yaws
+    return points, np.concatenate((turned, turned[-1] + way))
 
 
 def _csr(key: npt.NDArray[Any], n_keys: int) -> tuple[Ints, Ints]:

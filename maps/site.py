@@ -25,10 +25,13 @@ from maps.stations import StationOptions, StationPlace, match_arms, name_station
 _PASSING_WAYS = 3
 """Open neighbours that make a two-way cell a passing place: two for the way, one to step aside."""
 _DATA = Path(__file__).parent / "data"
-_FORM = "TOML with name, allow_reverse, plan and tables [stations.NAME]"
+_FORM = "TOML with name, allow_reverse, cell_m, plan and tables [stations.NAME]"
+MAX_CELL_M = 1.25
+"""Arms reach no farther than to the middle of a lane as wide as this [m]."""
 _VALID = {
     "name": "a text that is not empty",
     "allow_reverse": "true or false",
+    "cell_m": f"a number from 1 to {MAX_CELL_M}",
     "plan": "the drawing as a text, a line for each row",
     "lanes": "the lanes as a text, two lines for each row but the last",
     "stations": "tables [stations.NAME]",
@@ -150,6 +153,7 @@ class _SiteTable(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
     name: str = Field(min_length=1)
     allow_reverse: bool = False
+    cell_m: Annotated[float, Field(ge=1.0, le=MAX_CELL_M, allow_inf_nan=False)] = 1.0
     plan: str
     lanes: str | None = None
     stations: dict[str, _StationTable] = {}
@@ -187,6 +191,7 @@ def load_site(name_or_path: str | os.PathLike[str]) -> Site:
         options=options,
         lanes=lanes,
         names=table.names,
+        cell_m=table.cell_m,
         where=where,
     )
 
@@ -244,6 +249,7 @@ def save_site(site: Site, path: str | os.PathLike[str]) -> None:
     lines = [
         f"name = {json.dumps(site.name)}",
         f"allow_reverse = {'true' if site.allow_reverse else 'false'}",
+        *([] if site.grid.cell_m == 1.0 else [f"cell_m = {site.grid.cell_m}"]),
         "plan = '''",
         *site.plan,
         "'''",
@@ -279,6 +285,7 @@ def site_from_plan(
     options: Mapping[str, StationOptions] | None = None,
     lanes: npt.NDArray[np.int32] | None = None,
     names: Mapping[str, str] | None = None,
+    cell_m: float = 1.0,
     where: str | None = None,
 ) -> Site:
     """Make a site of a drawing: derive lane directions, stop poses, arms and slots, and check that all of it works.
@@ -290,10 +297,12 @@ def site_from_plan(
         options: Overrides by station name.
         lanes: Directed lanes (from cell, to cell), shape (n, 2), as they are to be; None derives them.
         names: What others call stations, by station name.
+        cell_m: Edge of a cell, and width of a lane, 1 to `MAX_CELL_M` [m].
         where: Opens every message; "site NAME" if not given.
 
     Raises:
-        PlanError: Wrong shape or character, no pick or drop dock, or two-way cells without reverse or passing place.
+        PlanError: Wrong shape or character, no pick or drop dock, two-way cells without reverse or passing place, or
+            cells of a size that is out of range.
         StationError: A dock, its arm, slots and tray do not fit together, arms stand too near each other, or a name is
             that of no station.
         LaneError: A station, parking or charging cell is a dead end or not connected to the rest, or lanes that are
@@ -304,7 +313,9 @@ def site_from_plan(
     where = where or f"site {name}"
     options = dict(options or {})
     plan = parse_plan(lines, where=where)
-    grid = GridMap(plan.open)
+    if not 1.0 <= cell_m <= MAX_CELL_M:
+        raise PlanError(f"{where}: cell_m is {cell_m:g}; valid: {_VALID['cell_m']}")
+    grid = GridMap(plan.open, cell_m=cell_m)
     _check_two_way(plan, grid, allow_reverse, where)
     arm_sides = match_arms(plan, grid, where=where)
     if lanes is None:

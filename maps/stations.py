@@ -18,7 +18,9 @@ from maps.vehicle import BODY_FRONT_M, ENTRY_INSET_M, TRAY_AHEAD_M, TURN_RADIUS_
 Floats = npt.NDArray[np.float64]
 
 ARM_TO_LANE_M = 0.60
-"""Default distance of an arm's base from the centre line of its dock lane."""
+"""Default distance of an arm's base from the centre line of its dock lane, unless that is wider."""
+OFF_LANE_M = 0.005
+"""The middle of an arm's base is at least so far beside its dock lane [m]."""
 SLOT_RADIUS_M = 0.45
 SLOT_ANGLES_DEG = (-155.0, -115.0, 115.0, 155.0)
 """Default slots: around the back of the base, measured from the direction to the lane."""
@@ -198,7 +200,7 @@ def place_stations(
         for name, side in zip(own, arm_sides[cell], strict=True):
             given = options.get(name, StationOptions())
             docks.append(_dock(name, cell, entries[0], entries[0] in exits, grid, given, where))
-            station = _station(name, docks[-1], side, given)
+            station = _station(name, docks[-1], side, grid.cell_m, given)
             _check_reach(station, where)
             places.append(station)
         if docks[0] != docks[-1]:
@@ -238,10 +240,11 @@ def _dock(
     return DockPlace(cell=cell, heading=heading, pose=pose, stop_offset_m=offset)
 
 
-def _station(name: str, dock: DockPlace, arm_side: int, given: StationOptions) -> StationPlace:
+def _station(name: str, dock: DockPlace, arm_side: int, cell_m: float, given: StationOptions) -> StationPlace:
     tray_x, tray_y = dock.tray_xy
-    arm_x = tray_x + ARM_TO_LANE_M * DCOL[arm_side]
-    arm_y = tray_y - ARM_TO_LANE_M * DROW[arm_side]
+    to_lane_m = max(ARM_TO_LANE_M, cell_m / 2 + OFF_LANE_M)
+    arm_x = tray_x + to_lane_m * DCOL[arm_side]
+    arm_y = tray_y - to_lane_m * DROW[arm_side]
     yaw = HEADING_YAW[(arm_side + 2) % 4]
     if given.arm_xy is not None:
         arm_x, arm_y = given.arm_xy

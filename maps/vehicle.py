@@ -20,6 +20,8 @@ TURN_RADIUS_M = 0.4
 """Radius of the rear axle's arc in a left or right move [m]."""
 ENTRY_INSET_M = 0.1
 """Where a car waits: rear axle this far inside the entry side of its cell [m], so that its tail is inside too."""
+TURN_M_PER_RAD = 0.25
+"""Length on a path that stands for a radian of a turn on the spot [m]; about what the wheels of a small robot roll."""
 STRAY_M = 0.001
 """A path is sampled, and a body may be this far outside of its cells between samples [m]."""
 
@@ -35,6 +37,12 @@ class Footprint:
     half_width_m: float
     turn_radius_m: float
     """Least radius of the rear axle's arc [m]."""
+    pivots: bool = False
+    """Whether it turns on the spot, about its reference point. It then waits in the middle of its cell."""
+
+    def inset_m(self, cell_m: float) -> float:
+        """How far inside the entry side of its cell its reference point is when it waits [m]."""
+        return cell_m / 2 if self.pivots else ENTRY_INSET_M
 
     def cells(self, poses: npt.NDArray[np.float64], cell_m: float) -> set[tuple[int, int]]:
         """Cells that the body touches at any of some poses.

@@ -39,6 +39,7 @@ def generate_warehouse(
     sides: Sides = "we",
     islands: bool = False,
     lanes: int = 1,
+    cell_m: float = 1.0,
     name: str | None = None,
 ) -> Site:
     """Lay out a warehouse of any size.
@@ -68,6 +69,7 @@ def generate_warehouse(
         sides: Walls along which stations stand; "none" needs islands.
         islands: Stations for which the walls have no room stand between the racks.
         lanes: Lanes side by side between two blocks, at least 1.
+        cell_m: Edge of a cell, and width of a lane, see `site_from_plan` [m].
         name: Name of the site; by default "warehouse-ROWSxCOLS".
 
     Raises:
@@ -108,7 +110,7 @@ def generate_warehouse(
         chars, ["C"] * chargers + ["K"] * parking, where, _SIDE_LANES if sides == "nesw" else 1
     )
     _place_racks(chars, first, last, (rack_rows, rack_cols), lanes, left_over, where)
-    return site_from_plan(["".join(line) for line in chars], name=name)
+    return site_from_plan(["".join(line) for line in chars], name=name, cell_m=cell_m)
 
 
 def _docks_fit(chars: _Chars, wall: str) -> int:

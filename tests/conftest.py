@@ -20,6 +20,7 @@ os.environ.setdefault("RERUN_STRICT", "1")
 REPOSITORY = Path(__file__).resolve().parent.parent
 LONG = (
     "tests/architecture/test_extend.py",
+    "tests/contract/test_cars_on_lanes.py",
     "tests/contract/test_envs.py",
     "tests/guide",
     "tests/integration/test_arm_workers.py",
@@ -31,6 +32,7 @@ LONG = (
     "tests/integration/test_connect_modes.py",
     "tests/integration/test_disturbances.py",
     "tests/integration/test_export_command.py",
+    "tests/integration/test_huskies.py",
     "tests/integration/test_imported_sites.py",
     "tests/integration/test_mixed_runs.py",
     "tests/integration/test_mqtt.py",

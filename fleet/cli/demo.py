@@ -91,6 +91,8 @@ class Demo:
     allocator: Annotated[str, tyro.conf.arg(help=f"Which car gets which task: {ALLOCATORS.valid}.")] = "hungarian"
     allocator_setting: tuple[str, ...] = ()
     """The same for a setting of the allocator."""
+    one_parcel: bool = False
+    """Cars take one parcel at a time, those too whose trays have places for several."""
     settings: Path | None = None
     """TOML file with settings: tables [planner.NAME] and [allocator.NAME], of which those on the command line go first,
     and [cars.NAME]."""
@@ -156,6 +158,7 @@ class Demo:
             battery=BatteryConfig(enabled=self.battery),
             allocation=AllocationConfig(
                 allocator=self.allocator,
+                fill_trays=not self.one_parcel,
                 allocator_settings=member_settings(self.settings, "allocator", self.allocator, self.allocator_setting),
             ),
         )

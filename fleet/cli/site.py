@@ -91,9 +91,9 @@ class SiteGenerate:
     out: Annotated[Path, tyro.conf.Positional]
     """The file to write."""
     rows: int = 24
-    """Height [cells of 1 m]."""
+    """Height [cells]."""
     cols: int = 40
-    """Width [cells of 1 m]."""
+    """Width [cells]."""
     pick: int = 6
     """Pick stations."""
     drop: int = 6
@@ -107,9 +107,12 @@ class SiteGenerate:
     """Stations for which the walls have no room stand inside the floor, between the racks."""
     lanes: int = 1
     """Lanes side by side between two blocks of racks."""
+    cell: float = 1.0
+    """Edge of a cell, and width of a lane, 1 to 1.25 [m]; wide vehicles need 1.25."""
 
     def run(self) -> int:
         """Write the file."""
+        from maps.site import MAX_CELL_M
         from maps.warehouse import generate_warehouse
 
         for name in ("rows", "cols"):
@@ -118,6 +121,7 @@ class SiteGenerate:
         for name in ("pick", "drop", "parking", "lanes"):
             value = getattr(self, name)
             require(value >= 1, f"--{name}", value, "an integer of at least 1")
+        require(1.0 <= self.cell <= MAX_CELL_M, "--cell", self.cell, f"a number from 1 to {MAX_CELL_M}")
         require(self.islands or self.sides != "none", "--sides", self.sides, "we or nesw, or none with --islands")
         site = generate_warehouse(
             rows=self.rows,
@@ -128,6 +132,7 @@ class SiteGenerate:
             sides=self.sides,
             islands=self.islands,
             lanes=self.lanes,
+            cell_m=self.cell,
             name=self.out.stem,
         )
         return _save(site, self.out)

@@ -39,6 +39,8 @@ class AllocationConfig(Settings):
     """A car that is under way to a pick station gives its task away only if more than this is gained [s] ..."""
     keep_share: float = 0.1
     """... and more than this share of what the task costs it."""
+    fill_trays: bool = True
+    """Cars whose trays have places for several parcels take more at a station before they leave it."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

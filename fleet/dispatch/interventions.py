@@ -114,7 +114,8 @@ class Interventions:
         if task is not None and task.state is TaskState.CARRIED:
             self._admission.set_off(car, task, tick, now_s)
         else:
-            missions.enter(car, CarPhase.RETIRED if self._inventory.tray_is_loaded(car) else CarPhase.IDLE)
+            stays = self._inventory.tray_is_loaded(car) and not missions.aboard[car]
+            missions.enter(car, CarPhase.RETIRED if stays else CarPhase.IDLE)
         missions.changed = True
 
     def take_out(self, car: int, now_s: float, *, for_good: bool) -> None:
@@ -171,7 +172,7 @@ class Interventions:
                 board.move(task, TaskState.FAILED, now_s, f"had not ended after {limits.visiting_s:g} s")
                 missions.release(task.car)
         for task in board.longer_than(limits.carried_s, now_s, TaskState.CARRIED):
-            if task.car is not None:
+            if task.car is not None and missions.task_of[task.car] is task:
                 reason = f"car_{task.car} was not at {task.delivery.drop} after {limits.carried_s:g} s"
                 self._give_up(task.car, task, now_s, reason)
 

@@ -138,6 +138,7 @@ def situation_of(
         for car in can_take.nonzero()[0].tolist():
             can_take[car] = charging.spares(car)
     can_take[list(held)] = True
+    can_take[[car for car, carried in enumerate(missions.aboard) if carried]] = False
     standing = np.where(can_take, np.int8(CAN_TAKE), _STANDING_CODES[phase])
     free_state, free_s = _when_free(missions, ways, ~can_take & _SOON_FREE[phase] & (missions.drop_of >= 0), now_s)
     return Situation(

@@ -252,7 +252,7 @@ class CommandedCar:
             theta=math.remainder(yaw, math.tau),
             map_id=node_map.map_id,
             speed_mps=speed,
-            turn_radps=speed * math.tan(float(node_map.steering[car])) / run.scene.cars[car].wheelbase_m,
+            turn_radps=run.scene.cars[car].yaw_rate(float(node_map.steering[car]), speed),
             driving=abs(speed) > DRIVES_MPS,
             charge_percent=100.0 if batteries is None else 100.0 * float(batteries.charge[car]),
             charging=bool(run.missions.charges[car]),

@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fleet.arrays import FloatArray
+from fleet.incidents.pivoting import pivot_back
 from fleet.incidents.rejoin_room import (
     LEAST_MARGIN_M,
     MARGIN_M,
@@ -25,6 +26,7 @@ from fleet.missions.phases import CarPhase
 from fleet.robots.angle import wrapped
 from fleet.run.view import RunView
 from fleet.traffic.drivers import OFF_LANE_M, PathDriver
+from maps.vehicle import TURN_M_PER_RAD
 from planners.motion.car.reeds_shepp import RejoinResult, plan_rejoin
 
 EMPTY = "battery_empty"
@@ -417,9 +419,8 @@ class Recovery:
             return
         rejoin.target, way = found
         self._lay_out(driver, car, way)
-        spec = run.scene.cars[car]
-        turns_s = 2.0 * spec.max_steering_rad / spec.max_steering_rate_radps  # from lock to lock
-        rejoin.stage, rejoin.starts_tick = _Stage.DRIVING, tick + round(turns_s / run.tick_s)
+        turns_s = run.scene.cars[car].lock_to_lock_s
+        rejoin.stage, rejoin.starts_tick = _Stage.DRIVING, tick + max(1, round(turns_s / run.tick_s))
         run.events.log("rejoin", car=f"car_{car}", state=rejoin.target, length_m=round(way.length_m, 2))
 
     def _fail(self, driver: PathDriver, car: int, rejoin: _Rejoin, tick: int) -> None:
@@ -457,6 +458,10 @@ class Recovery:
         """A state to rejoin and a way to it whose cells are the car's from now on; None if there is none at present."""
         run, start = self._run, room.start
         states = self._near_states(car, start, room.usable)
+        for state in states if run.scene.cars[car].footprint.pivots else ():
+            turned = pivot_back(start, run.graph.state_pose[state], room.valid)
+            if turned is not None and self._reserve(car, turned, room):
+                return state, turned
         for attempt in _patient(room) if patient else _impatient(room):
             for state in states[: N_SEARCHED if attempt.iterations else N_STATES]:
                 way = plan_rejoin(
@@ -471,10 +476,14 @@ class Recovery:
                 )
                 if not way.solved:
                     continue
-                cells = [cell for cell in self._cells_of(car, way.poses) if cell not in room.ground]
-                if run.executor.dependencies.reserve(car, cells):
+                if self._reserve(car, way, room):
                     return state, way
         return None
+
+    def _reserve(self, car: int, way: RejoinResult, room: RejoinRoom) -> bool:
+        """Make the cells of a manoeuvre the car's own, if nobody has one of them."""
+        cells = [cell for cell in self._cells_of(car, way.poses) if cell not in room.ground]
+        return self._run.executor.dependencies.reserve(car, cells)
 
     def _lay_out(self, driver: PathDriver, car: int, way: RejoinResult) -> None:
         """Lay a manoeuvre out before a car that stands.
@@ -488,7 +497,9 @@ class Recovery:
         for a, b in pairwise(bounds):
             part = way.poses[a : b + 1]
             if len(part) > 1:
-                s_m = np.concatenate(([0.0], np.cumsum(np.hypot(np.diff(part[:, 0]), np.diff(part[:, 1])))))
+                steps_m = np.hypot(np.diff(part[:, 0]), np.diff(part[:, 1]))
+                steps_m = np.where(steps_m > 0.0, steps_m, TURN_M_PER_RAD * np.abs(np.diff(part[:, 2])))
+                s_m = np.concatenate(([0.0], np.cumsum(steps_m)))
                 driver.append_points(car, part, s_m, int(way.directions[a]))
 
     def _end(self, driver: PathDriver, car: int, rejoin: _Rejoin, tick: int) -> None:

@@ -85,6 +85,7 @@ class CauseWatch:
         self._run = run
         self._halted = halted_by
         self._n_cars = run.world.n_cars
+        self._tray_of = run.scene.cars.tray_of
         n_robots = self._n_cars + run.world.n_arms
         self.rows: CauseRows = np.full((n_robots, len(Column)), NONE, dtype=np.int32)
         """The present tick."""
@@ -185,7 +186,7 @@ class CauseWatch:
         cause, by, until = Cause.SETS_OFF, NONE, NONE
         if phase in (CarPhase.TO_PICK, CarPhase.TO_DROP) and task is not None and run.executor.idle(car):
             station = run.stations[place]
-            if not run.arm_manager.is_ready(station.arm, task.parcel):
+            if not run.arm_manager.is_ready(station.arm, task.parcel, int(self._tray_of[car])):
                 cause, by = Cause.ARM, self._n_cars + station.arm
             elif phase is CarPhase.TO_DROP and task.drop_slot is None and station.n_free == 0:
                 cause, leaves_s = Cause.SLOT, station.next_collect_s

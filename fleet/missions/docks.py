@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from fleet.missions.admission import Admission
+from fleet.missions.parcels.aboard import Aboard
 from fleet.missions.parcels.inventory import Inventory
 from fleet.missions.parcels.transfer_requests import Transfers
-from fleet.missions.phases import AT_DOCK, CarPhase
+from fleet.missions.phases import AT_DOCK, GONE, CarPhase
 from fleet.missions.services import Services
 from fleet.missions.state import NOBODY, Missions
 from fleet.missions.ways import Ways
@@ -30,6 +31,7 @@ class Docks:
         transfers: Asks arms.
         admission: Sends loaded cars on.
         inventory: Tells where parcels really are.
+        aboard: What cars take beside what they came for.
         log: Called as ``log(kind, **facts)`` when a transfer is repeated.
     """
 
@@ -41,6 +43,7 @@ class Docks:
         transfers: Transfers,
         admission: Admission,
         inventory: Inventory,
+        aboard: Aboard,
         log: Callable[..., None],
     ) -> None:
         self._missions = missions
@@ -50,12 +53,15 @@ class Docks:
         self._arms = transfers.arm_manager
         self._admission = admission
         self._inventory = inventory
+        self._aboard = aboard
         self._log = log
 
     def tick(self, tick: int, now_s: float) -> None:
         """Start the services that can begin, and end those that are over."""
         self._start(tick, now_s)
         self._end(tick, now_s)
+        if self._aboard.any:
+            self._go_on(tick, now_s)
 
     def give_up(self, task: Task, now_s: float, reason: str) -> None:
         """Give up a task whose parcel is in a car, and the slot that waits for it."""
@@ -80,7 +86,7 @@ class Docks:
                 continue
             if missions.served[station.arm] != NOBODY or not missions.bookings.has(car):
                 continue
-            if not self._arms.is_ready(station.arm, task.parcel):
+            if not self._arms.is_ready(station.arm, task.parcel, self._transfers.tray_of(car)):
                 continue
             if not loading and task.drop_slot is None:
                 task.drop_slot = station.take_slot(task.index)
@@ -131,7 +137,7 @@ class Docks:
         if self._arms.services[station.arm].state in _ARM_IS_DONE and (in_tray if loading else on_slot):
             self._missions.stations.times.complete(station.arm)
             if loading:
-                self._loaded(task, car, tick, now_s)
+                self._loaded(station, task, car, tick, now_s)
             else:
                 self._delivered(station, task, car, now_s)
             return
@@ -159,7 +165,7 @@ class Docks:
             station.free_slot(slot)
         self._missions.release(car, CarPhase.RETIRED if in_tray else CarPhase.IDLE)
 
-    def _loaded(self, task: Task, car: int, tick: int, now_s: float) -> None:
+    def _loaded(self, station: Station, task: Task, car: int, tick: int, now_s: float) -> None:
         self._inventory.vacate(task)
         self._transfers.succeed(task)
         self._missions.board.move(task, TaskState.CARRIED, now_s, f"measured in the tray of car_{car}")
@@ -167,9 +173,35 @@ class Docks:
         phase = self._missions.phase[car]
         if phase is CarPhase.DEAD:
             self.strand(task, car, now_s, f"car_{car} is dead")
-        elif phase is not CarPhase.RECOVERING:
+        elif phase is not CarPhase.RECOVERING and self._aboard.take_more(station, car, now_s) is None:
             self._services.let_go(car)
-            self._admission.set_off(car, task, tick, now_s)
+            self._admission.set_off(car, self._nearest(car, task), tick, now_s)
+
+    def _nearest(self, car: int, task: Task) -> Task:
+        """Let a car be about that of its deliveries whose drop station is nearest."""
+        nearest = self._aboard.nearest(car)
+        if nearest is None or nearest is task:
+            return task
+        self._missions.stow(car)
+        self._missions.take_up(car, nearest)
+        return nearest
+
+    def _go_on(self, tick: int, now_s: float) -> None:
+        """Let cars that have ended one delivery bring away the next that they carry, or give up what they cannot."""
+        missions = self._missions
+        for car, carried in enumerate(missions.aboard):
+            if not carried or missions.task_of[car] is not None:
+                continue
+            phase = missions.phase[car]
+            if phase is CarPhase.IDLE or (phase is CarPhase.RETIRED and car in missions.leaving):
+                task = self._aboard.nearest(car)
+                if task is not None:
+                    missions.take_up(car, task)
+                    self._admission.set_off(car, task, tick, now_s)
+            elif phase in GONE:
+                for task in list(carried):
+                    carried.remove(task)
+                    self.give_up(task, now_s, f"parcel stranded: car_{car} is {phase}")
 
     def _delivered(self, station: Station, task: Task, car: int, now_s: float) -> None:
         self._missions.board.move(
@@ -177,4 +209,11 @@ class Docks:
         )
         if task.drop_slot is not None:
             self._inventory.collect_later(station, task.drop_slot, now_s)
-        self._missions.release(car)
+        missions = self._missions
+        here = next((other for other in missions.aboard[car] if other.delivery.drop == station.name), None)
+        if here is None or missions.phase[car] is not CarPhase.UNLOADING:
+            missions.release(car)
+            return
+        missions.forget(car)
+        missions.take_up(car, here)
+        missions.enter(car, CarPhase.TO_DROP)

@@ -70,10 +70,12 @@ class Missions:
         """Pick station of each car's task, -1 where it has no delivery, shape (n_cars,)."""
         self.drop_of = np.full(n_cars, -1, dtype=np.int64)
         """Drop station, in the same way."""
+        self.aboard: list[list[Task]] = [[] for _ in range(n_cars)]
+        """Deliveries that each car carries beside the one it is about."""
         self.loaded = np.zeros(n_cars, dtype=np.int64)
         """1 for a car with a parcel, else 0."""
         self.load_kg = np.zeros(n_cars)
-        """Mass of the parcel in each car's tray [kg], shape (n_cars,)."""
+        """Mass of the parcels in each car's tray [kg], shape (n_cars,)."""
         self.awake = np.zeros(n_cars, dtype=np.bool_)
         """True for a car that is not parked, shape (n_cars,)."""
         self.charges = np.zeros(n_cars, dtype=np.bool_)
@@ -164,8 +166,9 @@ class Missions:
         waits = phase in AT_CHARGER or phase is CarPhase.HELD
         carries = waits and task is not None and task.state is TaskState.CARRIED
         loaded = carries or phase is CarPhase.TO_DROP or phase is CarPhase.UNLOADING
-        self.loaded[car] = loaded
+        self.loaded[car] = loaded or bool(self.aboard[car])
         self.load_kg[car] = task.delivery.mass_kg if loaded and task is not None else 0.0
+        self.load_kg[car] += sum(other.delivery.mass_kg for other in self.aboard[car])
         self.awake[car] = not _PARKED[number] and phase is not CarPhase.DEAD
         self.charges[car] = phase is CarPhase.CHARGING
         self.bound[car] = _BOUND[number]
@@ -177,12 +180,20 @@ class Missions:
     def assign(self, car: int, task: Task, now_s: float) -> None:
         """Give a task to a car; what the car does first is the caller's to say."""
         task.car = car
-        self.task_of[car] = task
-        self.task_index[car] = task.index
-        if task.visit is None:
-            self.pick_of[car] = self.stations.named(task.pick).arm
-            self.drop_of[car] = self.stations.named(task.delivery.drop).arm
+        self._hold(car, task)
         self.board.move(task, TaskState.ASSIGNED, now_s, f"car_{car} was the allocator's choice")
+
+    def stow(self, car: int) -> None:
+        """Let a car be about nothing, with what it carries aboard; what it does next is the caller's to say."""
+        task = self.task_of[car]
+        if task is not None:
+            self.aboard[car].append(task)
+            self._take(car)
+
+    def take_up(self, car: int, task: Task) -> None:
+        """Let a car that is about nothing bring away a delivery that it has aboard."""
+        self.aboard[car].remove(task)
+        self._hold(car, task)
 
     def unassign(self, task: Task, now_s: float, reason: str) -> None:
         """Take a task from the car that is to pick it, or visits; what the car does next is the caller's to say."""
@@ -231,6 +242,14 @@ class Missions:
     def clear_left(self) -> None:
         """Free the places of cars that have given them up and gone."""
         self.changed |= self.bookings.clear(self._stands_at)
+
+    def _hold(self, car: int, task: Task) -> None:
+        self.task_of[car] = task
+        self.task_index[car] = task.index
+        self.task_state[car] = NUMBER_OF_STATE[task.state]
+        if task.visit is None:
+            self.pick_of[car] = self.stations.named(task.pick).arm
+            self.drop_of[car] = self.stations.named(task.delivery.drop).arm
 
     def _take(self, car: int) -> None:
         self.task_of[car] = None

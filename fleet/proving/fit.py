@@ -12,8 +12,9 @@ from scipy.optimize import least_squares
 from fleet.arrays import FloatArray
 from fleet.control.standard_errors import standard_errors
 from fleet.proving.vehicles import TICK_S, PhysicalTwist
+from fleet.robots.differential import TwistResponse
 from fleet.robots.twist.motion import TwistMotion
-from fleet.robots.twist.spec import TwistResponse, TwistSpec
+from fleet.robots.twist.spec import TwistSpec
 
 N_STEPS = 24
 """Commands that are held, one after the other."""

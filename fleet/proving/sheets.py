@@ -191,7 +191,7 @@ def _box(length: float, width: float, height: float) -> str:
 
 
 SHEETS: dict[str, Callable[[], RobotSheet]] = {
-    **{name: partial(_car, name) for name in CARS},
+    **{name: partial(_car, name) for name in CARS if name not in TWIST_ROBOTS},
     **{name: partial(_twist, spec) for name, spec in TWIST_ROBOTS.items()},
     **{name: partial(_arm, name) for name in ARMS},
     **{name: partial(_stands, robot) for name, robot in STANDING.items()},

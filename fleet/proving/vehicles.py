@@ -15,9 +15,8 @@ from fleet.proving.course import CURVES, CURVES_AND_TURNS, Course
 from fleet.robots import CARS, CarModels
 from fleet.robots.estimator import PoseEstimator
 from fleet.robots.pursuit import Follower, PathBuffer
-from fleet.robots.twist.a1 import A1_FOLLOWER, a1_spec
+from fleet.robots.twist import TWIST_PROMISES, TWIST_ROBOTS
 from fleet.robots.twist.follower import TwistFollower, TwistFollowerConfig
-from fleet.robots.twist.husky import husky_spec
 from fleet.robots.twist.inertial import InertialEstimator
 from fleet.robots.twist.motion import TwistMotion
 from fleet.robots.twist.spec import LeggedChassis, TwistSpec
@@ -308,16 +307,15 @@ class CarControl:
         return max(max(shares) - 1.0, 0.0)
 
 
-def _twist(
-    spec: TwistSpec, follower: TwistFollowerConfig, cross_track_m: float, steady: tuple[tuple[float, float], ...]
-) -> ProvenVehicle:
+def _twist(name: str) -> ProvenVehicle:
+    spec, promise = TWIST_ROBOTS[name](), TWIST_PROMISES[name]
     return ProvenVehicle(
         physics=lambda load, friction, rng: PhysicalTwist(spec, load, friction, rng),
         kinematic=lambda: KinematicTwist(spec),
-        control=lambda rng: TwistControl(spec, rng, follower),
+        control=lambda rng: TwistControl(spec, rng, promise.follower),
         course=CURVES_AND_TURNS,
-        cross_track_m=cross_track_m,
-        steady=steady,
+        cross_track_m=promise.cross_track_m,
+        steady=promise.steady,
     )
 
 
@@ -333,8 +331,7 @@ def _car(name: str) -> ProvenVehicle:
 
 
 VEHICLES: dict[str, ProvenVehicle] = {
-    **{name: _car(name) for name in CARS},
-    "husky": _twist(husky_spec(), TwistFollowerConfig(), 0.03, ((0.0, 1.0), (0.0, -1.5), (0.49, 0.98), (0.6, -0.6))),
-    "a1": _twist(a1_spec(), A1_FOLLOWER, 0.06, ((0.0, 0.5), (0.3, 0.4), (0.4, -0.3))),
+    **{name: _car(name) for name in CARS if name not in TWIST_ROBOTS},
+    **{name: _twist(name) for name in TWIST_ROBOTS},
 }
 """Vehicles that can be driven alone."""

@@ -87,6 +87,8 @@ class RemoteCars:
             return
         if run.driver.paths is None:
             raise RemoteError(f"car_{car} goes from cell to cell; valid: a run with --fidelity physics or kinematic")
+        if not run.scene.cars[car].steers:
+            raise RemoteError(f"car_{car} is told a yaw rate; valid: a car that steers")
         if run.missions.phase[car] is CarPhase.DEAD or not self._recovery.take(car):
             raise RemoteError(f"car_{car} is {run.missions.phase[car]}; valid: a car on its lane that no arm serves")
         self._wheels[car] = _Wheel(trusted=trusted)

@@ -39,7 +39,7 @@ class _Filter(NamedTuple):
 
     tick_s: float
     wheelbase: FloatArray
-    """Of each car, shape (n,)."""
+    """Of each car, 0 = it is told a yaw rate, shape (n,)."""
     sigma: FloatArray
     """Standard deviations of a measurement's x, y, yaw, shape (3,)."""
     truth: FloatArray
@@ -47,7 +47,7 @@ class _Filter(NamedTuple):
     odometry: FloatArray
     """Ways and turns in the last ticks, shape (l, n, 2)."""
     motion: FloatArray
-    """Speed and steering at the last tick, shape (n, 2)."""
+    """Speed, and steering or yaw rate, at the last tick, shape (n, 2)."""
     past: FloatArray
     """Estimate of the measured instant, shape (n, 3)."""
     variance: FloatArray
@@ -92,7 +92,7 @@ class PoseEstimator:
         self._tick = 0
         self._filter = _Filter(
             tick_s=tick_s,
-            wheelbase=models.each("wheelbase_m"),
+            wheelbase=models.each("turn_base_m"),
             sigma=np.array([noise_m, noise_m, noise_rad]),
             truth=np.zeros((latency_ticks + 1, n_cars, 3)),
             odometry=np.zeros((latency_ticks + 1, n_cars, 2)),
@@ -121,7 +121,7 @@ class PoseEstimator:
         Args:
             true_poses: Rear-axle poses x, y, yaw now, shape (n_cars, 3); what is measured, not what is known.
             speeds: Measured signed forward speeds [m/s], shape (n_cars,).
-            steering: Measured steering angles [rad], shape (n_cars,).
+            steering: Measured steering angles [rad], or yaw rates [rad/s], shape (n_cars,).
 
         Returns:
             Estimated poses now, shape (n_cars, 3).
@@ -187,7 +187,9 @@ def _estimate(
         distance = 0.5 * (motion[i, 0] + speeds[i]) * tick_s
         odometry[now, i, 0] = distance
         odometry[now, i, 1] = 0.0
-        if distance != 0.0:
+        if wheelbase[i] == 0.0:
+            odometry[now, i, 1] = 0.5 * (motion[i, 1] + steering[i]) * tick_s
+        elif distance != 0.0:
             odometry[now, i, 1] = distance * math.tan(0.5 * (motion[i, 1] + steering[i])) / wheelbase[i]
         motion[i, 0], motion[i, 1] = speeds[i], steering[i]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numba import njit
@@ -12,7 +12,6 @@ from numba import njit
 from fleet.arrays import BoolArray, CellArray, FloatArray, IntArray, SignArray
 from fleet.errors import FleetError
 from fleet.robots.angle import wrapped
-from fleet.robots.cars.models import CarModels
 
 FIRST_CAPACITY = 192
 """Points a car's buffer starts with: about six moves of the lane graph; it doubles when a path needs more."""
@@ -26,6 +25,15 @@ _FITS, _NOT_ASCENDING, _APART = 0, 1, 2
 
 class PathError(FleetError):
     """A piece of path does not begin where the path ends, or its arc length does not grow."""
+
+
+class CarNumbers(Protocol):
+    """What the follower asks of the models of cars."""
+
+    def __len__(self) -> int: ...
+
+    def each(self, number: str) -> FloatArray:
+        """A number of every car's model, shape (n_cars,)."""
 
 
 class Segments(NamedTuple):
@@ -293,12 +301,16 @@ class Follower:
         models: Models of the cars.
         tick_s: Control period [s].
         config: Gains.
+        cars: Which of them are driven; None = all. Others' rows stay as they are.
 
     Source: R. C. Coulter, "Implementation of the Pure Pursuit Path Tracking Algorithm", CMU-RI-TR-92-01, 1992.
     """
 
-    def __init__(self, models: CarModels, tick_s: float, config: FollowerConfig | None = None) -> None:
+    def __init__(
+        self, models: CarNumbers, tick_s: float, config: FollowerConfig | None = None, cars: IntArray | None = None
+    ) -> None:
         config, n_cars = config or FollowerConfig(), len(models)
+        self._cars = np.arange(n_cars) if cars is None else cars
         self.progress = np.zeros(n_cars)
         self.cross_track = np.zeros(n_cars)
         self.heading_error = np.zeros(n_cars)
@@ -323,8 +335,13 @@ class Follower:
             braked_restart_m=config.braked_restart_m,
         )
         limits = [models.each(name) for name in _Limits._fields[:-1]]
-        ramp_s = models.each("max_steering_rad") / models.each("max_steering_rate_radps")
+        ramp_s, own = np.zeros(n_cars), self._cars
+        ramp_s[own] = models.each("max_steering_rad")[own] / models.each("max_steering_rate_radps")[own]
         self._limits = np.stack((*limits, ramp_s), axis=1)
+
+    def brake(self, car: int, on: bool) -> None:
+        """Let a car that stands at its stop have its brake on, or off again."""
+        self.braked[car] = on
 
     def reset(self, car: int) -> None:
         """Forget how a car moved; call it together with `PathBuffer.reset`."""
@@ -348,7 +365,8 @@ class Follower:
         Returns:
             Steering [rad] and signed speed [m/s], shape (n_cars, 2).
         """
-        _follow(paths.arrays(), self._following, poses, speeds, stop_s, speed_cap, self._limits, self._gains)
+        state = paths.arrays(), self._following
+        _follow(*state, self._cars, poses, speeds, stop_s, speed_cap, self._limits, self._gains)
         self.progress[:] = paths.progress
         return self._last.copy()
 
@@ -521,6 +539,7 @@ def _curve_speed(
 def _follow(
     path: PathArrays,
     following: _Following,
+    cars: IntArray,
     poses: FloatArray,
     speeds: FloatArray,
     stop_s: FloatArray,
@@ -532,7 +551,7 @@ def _follow(
     points, s, direction, count, cursor, progress, segments = path
     start, step, ahead = segments.start, segments.step, segments.ahead
     last_command, cross_track, heading_error, standing, braked = following
-    for i in range(len(poses)):
+    for i in cars:
         if not segments.loaded[i]:
             _load_piece(path, i)
         x, y, yaw = poses[i, 0], poses[i, 1], poses[i, 2]

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from fleet.arrays import FloatArray
+from fleet.robots.differential import DifferentialDrive
 from maps.vehicle import Footprint
 
 WHEELS = ("rear_left", "rear_right", "front_left", "front_right")
@@ -24,6 +25,8 @@ class DriveKind(StrEnum):
 
     ACKERMANN = "ackermann"
     """Steering angle of the equivalent bicycle and speed of the rear axle; its front wheels steer."""
+    DIFFERENTIAL = "differential"
+    """Yaw rate and speed of the middle between its wheels; those of both sides turn at speeds of their own."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,6 +80,7 @@ class CarLimits:
     max_accel_mps2: float
     max_brake_mps2: float
     max_steering_rad: float
+    """0 for a car that does not steer."""
     max_steering_rate_radps: float
     max_payload_kg: float
 
@@ -99,7 +103,8 @@ class CarMotors:
 
 @dataclass(frozen=True, kw_only=True)
 class CarSpec(CarLimits):
-    """A model of cars; the reference point of its pose is the centre of the rear axle, on the floor.
+    """A model of cars; the reference point of its pose is on the floor: the centre of the rear axle, or, of a car that
+    does not steer, the middle about which it turns.
 
     Its links are 'chassis', `WHEELS` and a hinge for each front wheel; each wheel spins in the joint ``<link>_spin``,
     and hinges turn in `HINGES`.
@@ -107,6 +112,8 @@ class CarSpec(CarLimits):
 
     name: str
     drive: DriveKind
+    differential: DifferentialDrive | None = None
+    """The drive of a car that is told a yaw rate; None for one that steers."""
     motors: CarMotors
     mass_kg: float
     """Without a load."""
@@ -114,23 +121,47 @@ class CarSpec(CarLimits):
     track_m: float
     wheel_radius_m: float
     front_m: float
-    """Body reach ahead of the rear axle [m]."""
+    """Body reach ahead of the reference point [m]."""
     rear_m: float
-    """Body reach behind the rear axle [m]."""
+    """Body reach behind the reference point [m]."""
     half_width_m: float
     height_m: float
     """Top of the tray walls above the floor [m]."""
     body_boxes: FloatArray
     """Lowest and highest corners of the boxes with which its body collides, in its frame [m], shape (k, 2, 3)."""
     tray_x_m: float
-    """Tray centre ahead of the rear axle [m]."""
+    """Tray centre ahead of the reference point [m]."""
     tray_floor_z_m: float
     """Top of the tray floor above the ground [m]."""
     tray_size_m: tuple[float, float, float]
     """Inner length, inner width, wall height of the tray [m]."""
     tray_wall_m: float
+    tray_places: tuple[tuple[float, float], ...] = ((0.0, 0.0),)
+    """Where parcels are set down, ahead of the tray's centre and to the left of it [m]."""
     visuals: tuple[Visual, ...]
-    """Links: 'chassis' (rear axle frame), `WHEELS`, 'tray'."""
+    """Links: 'chassis' (frame of the reference point), `WHEELS`, 'tray'."""
+    rear_axle_m: float = 0.0
+    """Rear axle ahead of the reference point [m]."""
+
+    @property
+    def steers(self) -> bool:
+        """Whether it is told a steering angle; else it is told a yaw rate."""
+        return self.differential is None
+
+    @property
+    def turn_base_m(self) -> float:
+        """Length by which the tangent of its steering angle is its curvature; 0 = it is told a yaw rate [m]."""
+        return self.wheelbase_m if self.steers else 0.0
+
+    @property
+    def max_turn(self) -> float:
+        """Greatest first number of a command: a steering angle [rad] or a yaw rate [rad/s]."""
+        return self.max_steering_rad if self.differential is None else self.differential.limits.max_yaw_rate_radps
+
+    @property
+    def lock_to_lock_s(self) -> float:
+        """Time in which its wheels turn from one side to the other; 0 for a car that does not steer [s]."""
+        return 2.0 * self.max_steering_rad / self.max_steering_rate_radps if self.steers else 0.0
 
     @property
     def footprint(self) -> Footprint:
@@ -139,11 +170,17 @@ class CarSpec(CarLimits):
             front_m=self.front_m,
             rear_m=self.rear_m,
             half_width_m=self.half_width_m,
-            turn_radius_m=self.wheelbase_m / math.tan(self.max_steering_rad),
+            turn_radius_m=self.wheelbase_m / math.tan(self.max_steering_rad) if self.steers else 0.0,
+            pivots=not self.steers,
         )
+
+    def yaw_rate(self, turn: float, speed: float) -> float:
+        """Yaw rate of a car that drives as it was told [rad/s]; `turn` is a steering angle or already the yaw rate."""
+        return speed * math.tan(turn) / self.wheelbase_m if self.steers else turn
 
     @property
     def wheel_places(self) -> FloatArray:
         """Centres x, y, z of the wheels in the car's frame, in the order of `WHEELS` [m], shape (4, 3)."""
         y = self.track_m / 2
-        return np.array([[x, side * y, self.wheel_radius_m] for x in (0.0, self.wheelbase_m) for side in (1.0, -1.0)])
+        axles = self.rear_axle_m, self.rear_axle_m + self.wheelbase_m
+        return np.array([[x, side * y, self.wheel_radius_m] for x in axles for side in (1.0, -1.0)])

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from fleet.config import Connect, Fidelity, RunConfig, require
+from fleet.config import Connect, Fidelity, Perception, RunConfig, require
 from fleet.robots.cars.models import CarModels
 from fleet.run.lanes import lanes_for
 from fleet.run.starts import require_room, start_states
@@ -60,13 +60,14 @@ class RunSetup:
 
 def _check(config: RunConfig, models: CarModels) -> None:
     """Refuse cars of several models where all have to be of one."""
-    if len(models.kinds) == 1:
+    if len(models.kinds) == 1 and models.kinds[0].steers:
         return
     names = ", ".join(kind.name for kind in models.kinds)
-    valid = f"physics, kinematic or grid for cars of several models ({names})"
+    valid = f"physics, kinematic or grid for cars of several models, or that do not steer ({names})"
     require(config.fidelity is not Fidelity.MIXED, "--fidelity", str(config.fidelity), valid)
     tiled = config.fidelity is Fidelity.PHYSICS and config.connect is Connect.DIRECT
     most = config.physics.plain_cars_n if tiled else config.robots
-    require(config.robots <= most, "--robots", config.robots, f"1 to {most} in physics, of several models ({names})")
-    trays = {(kind.tray_x_m, kind.tray_floor_z_m, kind.tray_size_m, kind.tray_wall_m) for kind in models.kinds}
-    require(len(trays) == 1, "models of the cars", names, "models with the same tray, as arms serve one kind of tray")
+    require(config.robots <= most, "--robots", config.robots, f"1 to {most} in physics, of such models ({names})")
+    seen = config.perception is Perception.CAMERA
+    fits = not seen or len(models.hulls) == 1
+    require(fits, "models of the cars", names, "models with the same tray, as cameras are set up for one kind of tray")

@@ -63,6 +63,11 @@ class BookCheck:
             if task.index in had:
                 return _task_breach(task.order.name, "has two cars", f"car_{had[task.index]}", f"car_{car}")
             had[task.index] = car
+        for car, carried in enumerate(run.missions.aboard):
+            for task in carried:
+                if task.index in had or task.car != car:
+                    return _task_breach(task.order.name, "is aboard and has another car", f"car_{car}")
+                had[task.index] = car
         for task in run.board.in_state(*UNDER_WAY):
             if task.index not in had:
                 holder = f"car_{task.car}, which does not have it" if task.car is not None else "no car"

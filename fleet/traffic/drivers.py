@@ -14,7 +14,8 @@ from fleet.arrays import BoolArray, CellArray, FloatArray, IntArray
 from fleet.config import EstimateConfig
 from fleet.robots.cars.models import CarModels
 from fleet.robots.estimator import PoseEstimator
-from fleet.robots.pursuit import Follower, PathBuffer, Pieces, any_beyond
+from fleet.robots.followers import follower_of
+from fleet.robots.pursuit import PathBuffer, Pieces, any_beyond
 from fleet.traffic.hindrances import Hindrances
 from fleet.traffic.rings import RingArrays, Rings, front
 from fleet.world.protocol import World
@@ -114,7 +115,7 @@ class PathDriver:
         self._graph = graph
         self.buffer = PathBuffer(n_cars)
         self.buffer.points[:, 0] = start_poses
-        self.follower = Follower(models, tick_s)
+        self.follower = follower_of(models, tick_s)
         self.estimator = PoseEstimator(
             models,
             tick_s,
@@ -229,7 +230,7 @@ class PathDriver:
 
     def brake(self, car: int, on: bool) -> None:
         """See `Driver`."""
-        self.follower.braked[car] = on
+        self.follower.brake(car, on)
 
     def blur(self, car: int, factor: float) -> None:
         """See `Driver`."""

@@ -1,4 +1,4 @@
-"""Kinematic world: bicycle-model cars, rate-limited arms and riding parcels on the flat floor, without physics."""
+"""Kinematic world: cars, rate-limited arms and riding parcels on the flat floor, without physics."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from fleet.arrays import BoolArray, FloatArray, IntArray
 from fleet.errors import ConfigError, FleetError
 from fleet.robots.angle import wrapped
 from fleet.robots.cars.models import CarModels
+from fleet.robots.twist.motion import TwistMotion
 from fleet.sensors.camera import Camera, CameraImage
 from fleet.sensors.errors import SensorError
 from fleet.world.arms import ServoArms
@@ -104,6 +105,54 @@ class BicycleCars:
             self._limits,
             self._grip_mps2,
         )
+
+    def push(self, car: int, dx_m: float, dy_m: float, dyaw_rad: float) -> None:
+        """See `CarMotion`."""
+        self.poses[car] += (dx_m, dy_m, dyaw_rad)
+
+    def put(self, car: int, pose: FloatArray) -> None:
+        """See `CarMotion`."""
+        self.poses[car] = pose
+        self.speeds[car] = 0.0
+
+    def save(self) -> tuple[npt.NDArray[np.generic], ...]:
+        """See `CarMotion`."""
+        return self.poses.copy(), self.speeds.copy(), self.steering.copy()
+
+    def load(self, snapshot: tuple[npt.NDArray[np.generic], ...]) -> None:
+        """See `CarMotion`."""
+        self.poses[:], self.speeds[:], self.steering[:] = snapshot
+
+
+class UnlikeCars:
+    """Cars of several drives: those that steer as `BicycleCars`, the others as `TwistMotion`; arguments as there."""
+
+    def __init__(
+        self, models: CarModels, start: FloatArray, tick_s: float, substep_s: float, grip_mps2: float = math.inf
+    ) -> None:
+        self.poses = np.array(start, dtype=np.float64)
+        self.speeds = np.zeros(len(start))
+        self.steering = np.zeros(len(start))
+        """Yaw rates of cars that do not steer [rad/s]."""
+        steers = np.flatnonzero(models.each("turn_base_m") > 0.0)
+        self._steered = steers, BicycleCars(models.some(steers), start[steers], tick_s, substep_s, grip_mps2)
+        self._twisted = []
+        for number, kind in enumerate(models.kinds):
+            if kind.differential is not None:
+                cars = np.flatnonzero(models.kind_of == number)
+                self._twisted.append((cars, TwistMotion(kind.differential, start[cars], tick_s, substep_s)))
+
+    def step(self, commands: FloatArray) -> None:
+        """See `CarMotion`; a car that does not steer is told a yaw rate [rad/s] and a speed."""
+        cars, bicycles = self._steered
+        bicycles.load((self.poses[cars], self.speeds[cars], self.steering[cars]))
+        bicycles.step(commands[cars])
+        self.poses[cars], self.speeds[cars], self.steering[cars] = bicycles.save()
+        for cars, motion in self._twisted:
+            motion.load((self.poses[cars], self.speeds[cars], self.steering[cars]))
+            motion.step(commands[cars][:, ::-1].copy())
+            self.poses[cars], self.speeds[cars], self.steering[cars] = motion.save()
+        self.poses[:, 2] = (self.poses[:, 2] + math.pi) % (2.0 * math.pi) - math.pi
 
     def push(self, car: int, dx_m: float, dy_m: float, dyaw_rad: float) -> None:
         """See `CarMotion`."""
@@ -336,7 +385,7 @@ class KinematicConfig:
 
 
 class KinematicWorld(PlanarWorld):
-    """A `World` of bicycle-model cars.
+    """A `World` of cars without physics.
 
     Args:
         scene: The world at the start.
@@ -345,7 +394,8 @@ class KinematicWorld(PlanarWorld):
 
     def __init__(self, scene: Scene, config: KinematicConfig | None = None) -> None:
         config = config or KinematicConfig()
-        cars = BicycleCars(scene.cars, scene.car_start, config.tick_s, config.substep_s, config.grip_mps2)
+        motion = BicycleCars if all(kind.steers for kind in scene.car_kinds) else UnlikeCars
+        cars = motion(scene.cars, scene.car_start, config.tick_s, config.substep_s, config.grip_mps2)
         super().__init__(scene, cars, config.tick_s, solid=config.contact == STOP)
 
     def place(self, car_poses: FloatArray, arm_q: FloatArray) -> None:

@@ -37,7 +37,8 @@ class Contacts:
 class World(Protocol):
     """What a simulation may ask of the place where robots move.
 
-    A car command is ``(steering_rad, speed_mps)`` in the continuous worlds. On the grid it is ``(next_state, 0)``:
+    A car command is ``(steering_rad, speed_mps)`` in the continuous worlds; a car that does not steer is told
+    ``(yaw_rate_radps, speed_mps)``. On the grid it is ``(next_state, 0)``:
     the id of the lane-graph state to move to, or of the present state to stay.
     """
 
@@ -63,7 +64,8 @@ class World(Protocol):
         """Signed forward speed [m/s], shape (n_cars,)."""
 
     def car_steering(self) -> FloatArray:
-        """Measured steering angle (bicycle equivalent) [rad], shape (n_cars,)."""
+        """Measured steering angle (bicycle equivalent) [rad], or yaw rate of a car that does not steer [rad/s], shape
+        (n_cars,)."""
 
     def arm_positions(self) -> FloatArray:
         """Joint positions [rad], shape (n_arms, n_joints)."""

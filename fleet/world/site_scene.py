@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from fleet.arrays import BoolArray, FloatArray
@@ -9,6 +11,7 @@ from fleet.config import ArmConfig, Grip
 from fleet.errors import ConfigError
 from fleet.robots import ARMS, TOOLS, ArmSpec, ArmTeam
 from fleet.robots.cars.models import CarModels, usual_car
+from fleet.robots.spec import CarSpec
 from fleet.world.scene import Scene, StaticBox
 from maps.grid import GridMap
 from maps.site import Site
@@ -22,6 +25,8 @@ SHELF_GAP_M = 0.03
 """Kept free around a shelf inside its cells [m]."""
 STAND_GAP_M = 0.002
 """Kept free between a stand and the foot of the arm on it [m]."""
+USUAL_TRAY_M = 0.18
+"""Height of the tray's floor that arms on the floor are made for: for higher trays all arms stand higher [m]."""
 _TOLERANCE_M = 1e-6
 
 
@@ -46,7 +51,8 @@ def scene_of(
         starts, arms at home, on stands where they need them.
 
     Raises:
-        ConfigError: A station's arm has a name that is none, or cannot reach a slot or the tray of a docked car.
+        ConfigError: A station's arm has a name that is none, or cannot reach a slot or the tray of a docked car of one
+            of the models.
     """
     boxes = [
         *_merged_boxes(site.grid, site.walls, "wall", WALL_HEIGHT_M, 0.0),
@@ -58,17 +64,21 @@ def scene_of(
             boxes.append(StaticBox(kind="pedestal", centre_m=(float(x), float(y), z / 2), half_m=half))
     team = arms_of(site, grip, arms or ArmConfig())
     base = np.array([station.arm.pose for station in site.stations], dtype=np.float64).reshape(-1, 4)
+    kinds = cars.kinds if cars else (usual_car(),)
+    _check_trays(site, team, kinds)
+    raised_m = max(0.0, *(kind.tray_floor_z_m - USUAL_TRAY_M for kind in kinds))
     for spec, pose in zip(team.specs, base, strict=True):
-        if spec.stand_m > 0.0:
-            half_z = (spec.stand_m - STAND_GAP_M) / 2
+        stand_m = spec.stand_m + raised_m
+        if stand_m > 0.0:
+            half_z = (stand_m - STAND_GAP_M) / 2
             x, y = pose[:2].tolist()
             foot = spec.outline.foot_m
             boxes.append(StaticBox(kind="stand", centre_m=(x, y, half_z), half_m=(foot, foot, half_z)))
-            pose[2] += spec.stand_m
+            pose[2] += stand_m
     return Scene(
         size_m=(site.grid.cols * site.grid.cell_m, site.grid.rows * site.grid.cell_m),
         boxes=tuple(boxes),
-        car_kinds=cars.kinds if cars else (usual_car(),),
+        car_kinds=kinds,
         car_start=car_start,
         car_kind_of=cars.kind_of if cars else None,
         arms=team,
@@ -100,6 +110,31 @@ def arms_of(site: Site, grip: Grip, arms: ArmConfig) -> ArmTeam:
         _check_reach(site, station, models[name])
         specs.append(models[name])
     return ArmTeam.of(specs)
+
+
+def dock_pose(site: Site, station: StationPlace, car: CarSpec) -> tuple[float, float, float]:
+    """Where a car stops to be served: x, y [m], yaw [rad]; one that turns on the spot, in the middle of the cell."""
+    x, y, yaw = station.dock.pose
+    if car.footprint.pivots:
+        x, y = site.grid.xy(*site.grid.row_col(station.dock.cell))
+    return x, y, yaw
+
+
+def _check_trays(site: Site, team: ArmTeam, kinds: tuple[CarSpec, ...]) -> None:
+    """The trays of models that dock at places of their own lie where arms serve them from above."""
+    for kind in kinds:
+        if not kind.footprint.pivots:
+            continue
+        for station, arm in zip(site.stations, team.specs, strict=True):
+            x, y, yaw = dock_pose(site, station, kind)
+            tray = x + kind.tray_x_m * math.cos(yaw), y + kind.tray_x_m * math.sin(yaw)
+            least, most = arm.reach_m
+            away = math.dist(tray, station.arm.pose[:2])
+            if not least - _TOLERANCE_M <= away <= most + _TOLERANCE_M:
+                raise ConfigError(
+                    f"site {site.name}: {station.name}: arm {arm.name!r} does not reach the tray of a {kind.name} in "
+                    f"the middle of the dock, {away:.2f} m from its base; valid: {least} to {most} m"
+                )
 
 
 def _check_reach(site: Site, station: StationPlace, arm: ArmSpec) -> None:

@@ -7,7 +7,7 @@ import pytest
 
 from fleet.robots import ARMS, CARS, TOOLS
 from fleet.robots.arms.spec import ArmSpec
-from fleet.robots.spec import WHEELS
+from fleet.robots.spec import HINGES, WHEELS
 from fleet.world.bullet.engine.client import Client
 
 pytestmark = pytest.mark.bullet
@@ -36,8 +36,11 @@ def test_every_robot_has_the_name_of_its_entry() -> None:
 def test_a_car_loads_with_either_wheel(name: str, wheels: str) -> None:
     client = Client()
     body = client.load_urdf(CARS[name].urdf(wheels), flags=client.URDF_USE_INERTIA_FROM_FILE)
-    assert client.getNumJoints(body) == 6
-    mass = sum(client.getDynamicsInfo(body, link)[0] for link in range(-1, 6))
+    joints = {client.getJointInfo(body, joint)[1].decode() for joint in range(client.getNumJoints(body))}
+    drive = CARS[name].spec().differential
+    moved = {*(f"{wheel}_spin" for wheel in WHEELS), *HINGES}
+    assert joints >= (moved if drive is None else {f"{roller}_spin" for roller in drive.chassis.rollers})
+    mass = sum(client.getDynamicsInfo(body, link)[0] for link in range(-1, len(joints)))
     assert mass == pytest.approx(CARS[name].spec().mass_kg, abs=0.05)
     client.close()
 
@@ -50,9 +53,14 @@ def test_the_racecar_weighs_what_its_parts_do() -> None:
 @pytest.mark.parametrize("name", CARS)
 def test_limits_of_a_car_are_finite_and_meshes_exist(name: str) -> None:
     spec = CARS[name].spec()
-    numbers = [value for value in vars(spec).values() if isinstance(value, float)]
-    assert np.isfinite(numbers).all()
-    assert min(numbers) > 0
+    numbers = {name: value for name, value in vars(spec).items() if isinstance(value, float)}
+    assert np.isfinite(list(numbers.values())).all()
+    # Places may be behind the reference point, and what does not steer has no steering.
+    may_be = {"rear_axle_m", "tray_x_m"} | (set() if spec.steers else {"max_steering_rad", "max_steering_rate_radps"})
+    assert min(value for name, value in numbers.items() if name not in may_be) > 0
+    drive = spec.differential
+    if drive is not None:
+        assert min(vars(drive.limits).values()) > 0
     assert {"chassis", "tray"} <= {v.link for v in spec.visuals} <= {"chassis", "tray", *WHEELS}
     assert all(v.mesh is None or v.mesh.is_file() for v in spec.visuals)
 

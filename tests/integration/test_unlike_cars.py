@@ -74,7 +74,6 @@ def test_both_models_deliver_in_physics(tmp_path: Path) -> None:
     [
         ({"front_m": 0.95}, "model hauler: its body of 1.02 x 0.44 m"),
         ({"max_steering_rad": 0.5}, "which turns in 0.70 m, fits no lane to station"),
-        ({"tray_floor_z_m": 0.3}, "models with the same tray"),
     ],
 )
 def test_a_model_that_does_not_fit_is_refused(

@@ -23,7 +23,7 @@ class RobotFit:
     """Fit the kinematic model of a robot to its physics; prints the values of its file beside the fitted ones."""
 
     name: Annotated[str, tyro.conf.Positional]
-    """husky or a1; for cars that steer see `fit`."""
+    """One that is told a speed and a yaw rate; for cars that steer see `fit`."""
     load: float = 0.0
     """Mass of a parcel in its tray [kg]."""
     seed: int = 0

@@ -165,6 +165,19 @@ class Inventory:
         """Whether a task's parcel lies in a car's tray."""
         return self.in_world(task) and self._holds(car, self.pose(task))
 
+    def free_place(self, car: int) -> tuple[float, float]:
+        """The place in a car's tray that is farthest from what lies there; of equals the first.
+
+        Returns:
+            Ahead of the tray's centre and to the left of it [m].
+        """
+        places = self._models[car].tray_places
+        if len(places) == 1:
+            return places[0]
+        lying = [self._in_tray_at(car, pose)[:2] for pose in self._world.parcel_poses() if self._holds(car, pose)]
+        away = [min((float(np.hypot(ahead - x, left - y)) for x, y in lying), default=np.inf) for ahead, left in places]
+        return places[int(np.argmax(away))]
+
     def tray_is_loaded(self, car: int) -> bool:
         """Whether any parcel lies in a car's tray."""
         return any(self._holds(car, pose) for pose in self._world.parcel_poses())
@@ -215,15 +228,20 @@ class Inventory:
         return True  # an arm is at work on it
 
     def _holds(self, car: int, pose: FloatArray) -> bool:
-        x, y, yaw = self._world.car_poses()[car]
-        dx, dy, model = pose[0] - x, pose[1] - y, self._models[car]
-        ahead = np.cos(yaw) * dx + np.sin(yaw) * dy - model.tray_x_m
-        left = -np.sin(yaw) * dx + np.cos(yaw) * dy
+        ahead, left = self._in_tray_at(car, pose)
+        model = self._models[car]
         length, width, height = model.tray_size_m
         inside = abs(ahead) <= length / 2 and abs(left) <= width / 2
         # A parcel may rest on others' edges or on the rim, but one that is still in the air over the tray is not in it.
         up = pose[2] - model.tray_floor_z_m
         return bool(inside and -0.02 < up < height + MAX_EDGE_M)
+
+    def _in_tray_at(self, car: int, pose: FloatArray) -> tuple[float, float]:
+        """Where something is, ahead of the centre of a car's tray and to the left of it [m]."""
+        x, y, yaw = self._world.car_poses()[car]
+        dx, dy = pose[0] - x, pose[1] - y
+        ahead = np.cos(yaw) * dx + np.sin(yaw) * dy - self._models[car].tray_x_m
+        return float(ahead), float(-np.sin(yaw) * dx + np.cos(yaw) * dy)
 
 
 def _half_height(pose: FloatArray, size_m: tuple[float, float, float]) -> float:

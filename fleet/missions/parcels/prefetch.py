@@ -7,6 +7,7 @@ from operator import itemgetter
 
 import numpy as np
 
+from fleet.arrays import IntArray
 from fleet.missions.parcels.perception import PoseSource
 from fleet.missions.phases import CarPhase
 from fleet.missions.state import Missions
@@ -39,6 +40,7 @@ class Prefetch:
         perception: Tells where parcels lie.
         tick_s: Length of a tick [s].
         log: Called as ``log(kind, **facts)`` when a parcel is fetched or put back.
+        tray_of: Which kind of tray each car has, shape (n_cars,); None = all have the same.
     """
 
     def __init__(
@@ -49,7 +51,9 @@ class Prefetch:
         perception: PoseSource,
         tick_s: float,
         log: Callable[..., None],
+        tray_of: IntArray | None = None,
     ) -> None:
+        self._tray_of = tray_of
         self._stations = [
             station for station in missions.stations.loading() if arm_manager.services[station.arm].fetches
         ]
@@ -110,6 +114,7 @@ class Prefetch:
                 size_m=sighting.size_m,
                 pick_pose=sighting.pose,
                 pick_via=task.pick_slot,
+                tray=self._tray(task),
             ),
             tick,
         )
@@ -119,9 +124,14 @@ class Prefetch:
         can come because this one's slot is kept."""
         task = self._task[station.arm]
         ended = task.state not in (TaskState.READY, TaskState.ASSIGNED, TaskState.LOADING)
-        if ended or (at_dock and task not in at_dock) or self._keeps_others_out(station, task):
+        other_tray = self._tray(task) != self._arm_manager.fetched_for(station.arm)
+        if ended or other_tray or (at_dock and task not in at_dock) or self._keeps_others_out(station, task):
             self._log("put_back", task=task.order.name, station=station.name)
             self._arm_manager.put_back(station.arm)
+
+    def _tray(self, task: Task) -> int:
+        """Which kind of tray the car of a task has; of none, the first kind."""
+        return 0 if self._tray_of is None or task.car is None else int(self._tray_of[task.car])
 
     def _keeps_others_out(self, station: Station, task: Task) -> bool:
         """Whether no car can come to a full rack, and none comes for the parcel in the grip."""

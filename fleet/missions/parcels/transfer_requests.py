@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from fleet.arrays import IntArray
 from fleet.missions.parcels.inventory import Inventory
 from fleet.missions.parcels.perception import PoseSource
 from fleet.stations.arms.arm_manager import ArmManager
@@ -24,17 +25,29 @@ class Transfers:
         arm_manager: Arm planning and playback.
         driver: Tells where cars are believed to stand.
         world: Tells what arms hold.
+        tray_of: Which kind of tray each car has, shape (n_cars,); None = all have the same.
     """
 
     def __init__(
-        self, inventory: Inventory, perception: PoseSource, arm_manager: ArmManager, driver: Driver, world: World
+        self,
+        inventory: Inventory,
+        perception: PoseSource,
+        arm_manager: ArmManager,
+        driver: Driver,
+        world: World,
+        tray_of: IntArray | None = None,
     ) -> None:
         self.arm_manager = arm_manager
         self._inventory = inventory
         self._perception = perception
         self._driver = driver
         self._world = world
+        self._tray_of = tray_of
         self._attempts: dict[int, int] = {}
+
+    def tray_of(self, car: int) -> int:
+        """Which kind of tray a car has."""
+        return 0 if self._tray_of is None else int(self._tray_of[car])
 
     def may_repeat(self, task: Task) -> bool:
         """Whether another transfer may be tried for the present errand of a task."""
@@ -70,6 +83,8 @@ class Transfers:
                 pick_via=pick_via,
                 place_via=TRAY if loading else slot,
                 car_pose=self._driver.estimate[car].copy(),
+                tray=self.tray_of(car),
+                tray_at_m=self._inventory.free_place(car) if loading else (0.0, 0.0),
             ),
             tick,
         )

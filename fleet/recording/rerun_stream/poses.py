@@ -107,7 +107,8 @@ def car_link_poses(
     yaw = poses[..., 2]
     cos, sin = np.cos(yaw), np.sin(yaw)
     roll = _about(1, wheel_angle)
-    left, right = ackermann_angles(spec.wheelbase_m, spec.track_m, steering)
+    turn = steering if spec.steers else np.zeros_like(steering)
+    left, right = ackermann_angles(spec.wheelbase_m, spec.track_m, turn)
     straight = np.zeros_like(yaw)
     turns = dict(zip(WHEELS, (straight, straight, left, right), strict=True))
     for link, (ahead, aside, up) in zip(WHEELS, spec.wheel_places.tolist(), strict=True):

@@ -63,6 +63,7 @@ class McapFile:
             raise RecordingError(f"{path}: MCAP needs the package mcap; valid: {EXTRA}") from error
         self._path = path
         self._wheelbase_m, self._track_m = scene.cars.each("wheelbase_m"), scene.cars.each("track_m")
+        self._steers = scene.cars.each("turn_base_m") > 0.0
         self._part = path.with_name(path.name + ".part")
         try:
             self._file = self._part.open("wb")
@@ -112,7 +113,7 @@ class McapFile:
             sim_s: Simulated time [s].
             car_poses: Rear-axle poses x, y, yaw [m, m, rad], shape (n_cars, 3).
             car_speeds: Signed forward speeds [m/s], shape (n_cars,).
-            car_steering: Bicycle-equivalent steering angles [rad], shape (n_cars,).
+            car_steering: Bicycle-equivalent steering angles [rad], or yaw rates [rad/s], shape (n_cars,).
             arm_q: Joint positions [rad], shape (n_arms, n_joints).
             arm_qd: Joint velocities [rad/s], same shape.
         """
@@ -124,8 +125,9 @@ class McapFile:
             position, quat = self._chain.link_poses(self._at_home, arm_q[None])
             numbers += np.column_stack((position[-1, 0], quat[-1, 0])).ravel().tolist()
         self._write(self._tf, time_ns, self._transforms.encoded(time_ns, numbers))
-        left, right = ackermann_angles(self._wheelbase_m, self._track_m, car_steering)
-        turning = car_speeds * np.tan(car_steering) / self._wheelbase_m
+        steering = np.where(self._steers, car_steering, 0.0)
+        left, right = ackermann_angles(self._wheelbase_m, self._track_m, steering)
+        turning = np.where(self._steers, car_speeds * np.tan(steering) / self._wheelbase_m, car_steering)
         for k, row in enumerate(rows.tolist()):
             twist = [float(car_speeds[k]), 0.0, 0.0, 0.0, 0.0, float(turning[k])]
             self._write(self._odom[k], time_ns, self._odometry[k].encoded(time_ns, row + twist))

@@ -15,6 +15,7 @@ def _found(members: Mapping[str, str]) -> dict[str, CarEntry]:
 CARS: dict[str, CarEntry] = _found(
     {
         "racecar": "fleet.robots.cars.racecar.ENTRY",
+        "husky": "fleet.robots.cars.husky.ENTRY",
     }
 )
 """All models of cars, by the names that `--cars` takes."""

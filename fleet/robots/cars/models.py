@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -49,16 +49,22 @@ class CarModels:
 
     @property
     def hull(self) -> CarSpec:
-        """A car as long, wide and high as any of them, with the tray that they share."""
-        if len(self.kinds) == 1:
-            return self.kinds[0]
-        return replace(
-            self.kinds[0],
-            front_m=self.most("front_m"),
-            rear_m=self.most("rear_m"),
-            half_width_m=self.most("half_width_m"),
-            height_m=self.most("height_m"),
-        )
+        """A car as long, wide and high as any of them, with the tray of the first."""
+        return _hull(self.kinds)
+
+    @property
+    def hulls(self) -> tuple[CarSpec, ...]:
+        """For each kind of tray, a car as long, wide and high as any that has it."""
+        alike: dict[Hashable, list[CarSpec]] = {}
+        for kind in self.kinds:
+            alike.setdefault(_tray(kind), []).append(kind)
+        return tuple(_hull(kinds) for kinds in alike.values())
+
+    @property
+    def tray_of(self) -> IntArray:
+        """Which of `hulls` has the tray of each car, shape (n_cars,)."""
+        trays = list(dict.fromkeys(_tray(kind) for kind in self.kinds))
+        return np.array([trays.index(_tray(kind)) for kind in self.kinds], dtype=np.int64)[self.kind_of]
 
     def __len__(self) -> int:
         return len(self.kind_of)
@@ -68,14 +74,16 @@ class CarModels:
 
     @property
     def only(self) -> CarSpec:
-        """The model of all cars.
+        """The model of all cars, which steer.
 
         Raises:
-            ConfigError: There are several.
+            ConfigError: There are several, or they do not steer.
         """
         if len(self.kinds) > 1:
             names = ", ".join(kind.name for kind in self.kinds)
             raise ConfigError(f"cars are of the models {names}; valid: one model, for what is not made for several")
+        if not self.kinds[0].steers:
+            raise ConfigError(f"cars are of the model {self.kinds[0].name}, which does not steer; valid: one that does")
         return self.kinds[0]
 
     def each(self, number: str) -> FloatArray:
@@ -89,3 +97,21 @@ class CarModels:
     def most(self, number: str) -> float:
         """The greatest such number of any model."""
         return max(float(getattr(kind, number)) for kind in self.kinds)
+
+
+def _hull(kinds: Sequence[CarSpec]) -> CarSpec:
+    """The first of some models, as long, wide and high as any of them."""
+    if len(kinds) == 1:
+        return kinds[0]
+    return replace(
+        kinds[0],
+        front_m=max(kind.front_m for kind in kinds),
+        rear_m=max(kind.rear_m for kind in kinds),
+        half_width_m=max(kind.half_width_m for kind in kinds),
+        height_m=max(kind.height_m for kind in kinds),
+    )
+
+
+def _tray(kind: CarSpec) -> Hashable:
+    """What arms have to know of a model's tray, and whether it stands in the middle of a dock."""
+    return kind.footprint.pivots, kind.tray_x_m, kind.tray_floor_z_m, kind.tray_size_m, kind.tray_wall_m

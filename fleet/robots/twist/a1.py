@@ -7,9 +7,10 @@ from pathlib import Path
 import pybullet_data
 
 from fleet.robots.description import fill, solid_box, spaced
+from fleet.robots.differential import TwistLimits, TwistResponse
 from fleet.robots.tray import Tray
 from fleet.robots.twist.follower import TwistFollowerConfig
-from fleet.robots.twist.spec import LeggedChassis, TwistLimits, TwistResponse, TwistSpec
+from fleet.robots.twist.spec import LeggedChassis, TwistSpec
 from fleet.robots.twist.trot import LEGS, TrotConfig
 
 _MAKER = "https://www.unitree.com/products/a1/"

@@ -11,8 +11,8 @@ from numba import njit
 
 from fleet.arrays import BoolArray, FloatArray, IntArray, SignArray
 from fleet.robots.angle import wrapped
+from fleet.robots.differential import TwistLimits
 from fleet.robots.pursuit import PathBuffer
-from fleet.robots.twist.spec import TwistLimits
 
 _SAME_PLACE_M2 = 1e-12
 """Points nearer than this, squared, are one place: the segment between them is a turn on the spot."""
@@ -50,6 +50,8 @@ class TwistFollowerConfig:
     """That speed at most [m/s]."""
     restart_m: float = 0.02
     """A standing robot ignores a stop nearer than this [m], so that noise does not wake it."""
+    braked_restart_m: float = 0.2
+    """One that has its brake on ignores a stop nearer than this [m], as `FollowerConfig` says."""
 
 
 class _Gains(NamedTuple):
@@ -68,6 +70,7 @@ class _Gains(NamedTuple):
     hold_per_s: float
     hold_mps: float
     restart_m: float
+    braked_restart_m: float
 
 
 class _Limits(NamedTuple):
@@ -89,6 +92,7 @@ class _State(NamedTuple):
     cross_track: FloatArray
     heading_error: FloatArray
     standing: BoolArray
+    braked: BoolArray
 
 
 class _Paths(NamedTuple):
@@ -113,26 +117,35 @@ class TwistFollower:
         cross_track: Signed distance to the path, positive = robot left of it as its nose points [m], shape (n,).
         heading_error: Yaw minus the path's yaw [rad] in [-pi, pi], shape (n,); 0 in turns on the spot.
         standing: True where the robot was told to stand at its stop, shape (n,).
+        braked: True where a standing robot has its brake on: little that is measured wakes it, shape (n,).
 
     Args:
         limits: What the robots may be told.
         n_robots: Number of robots.
         tick_s: Control period [s].
         config: Gains.
+        robots: Which of them are driven; None = all. Others' rows stay as they are.
 
     Source: Y. Kanayama, Y. Kimura, F. Miyazaki, T. Noguchi, "A stable tracking control method for an autonomous mobile
     robot", ICRA 1990, https://doi.org/10.1109/ROBOT.1990.126006, eq. (8), by arc length instead of time.
     """
 
     def __init__(
-        self, limits: TwistLimits, n_robots: int, tick_s: float, config: TwistFollowerConfig | None = None
+        self,
+        limits: TwistLimits,
+        n_robots: int,
+        tick_s: float,
+        config: TwistFollowerConfig | None = None,
+        robots: IntArray | None = None,
     ) -> None:
         config = config or TwistFollowerConfig()
         self.progress = np.zeros(n_robots)
         self.cross_track = np.zeros(n_robots)
         self.heading_error = np.zeros(n_robots)
         self.standing = np.ones(n_robots, dtype=np.bool_)
-        self._state = _State(np.zeros((n_robots, 2)), self.cross_track, self.heading_error, self.standing)
+        self.braked = np.zeros(n_robots, dtype=np.bool_)
+        self._robots = np.arange(n_robots) if robots is None else robots
+        self._state = _State(np.zeros((n_robots, 2)), self.cross_track, self.heading_error, self.standing, self.braked)
         self._gains = _Gains(tick_s, _limits_of(limits), **vars(config))
 
     def reset(self, robot: int) -> None:
@@ -141,6 +154,10 @@ class TwistFollower:
         self.heading_error[robot] = 0.0
         self.standing[robot] = False
         self._state.last[robot] = 0.0
+
+    def brake(self, robot: int, on: bool) -> None:
+        """Let a robot that stands at its stop have its brake on, or off again."""
+        self.braked[robot] = on
 
     def commands(
         self, paths: PathBuffer, poses: FloatArray, speeds: FloatArray, stop_s: FloatArray, speed_cap: FloatArray
@@ -158,7 +175,7 @@ class TwistFollower:
             Signed speed [m/s] and yaw rate [rad/s], shape (n, 2).
         """
         arrays = _Paths(paths.points, paths.s, paths.direction, paths.count, paths.cursor, paths.progress)
-        for robot in range(len(poses)):
+        for robot in self._robots:
             _follow(
                 arrays, self._state, robot, poses[robot], speeds[robot], stop_s[robot], speed_cap[robot], self._gains
             )
@@ -269,7 +286,7 @@ def _follow(
         return
     last = _piece_end(points, direction, k, end)
     if _on_the_spot(points, k):
-        _turn(paths, state, i, pose, stop_s, last, g)
+        _turn(paths, state, i, pose, stop_s, speed_cap, last, g)
         return
     x, y, yaw = pose[0], pose[1], pose[2]
     sign = float(direction[k + 1])
@@ -295,7 +312,7 @@ def _follow(
     speed = sign * measured
 
     if state.standing[i]:
-        state.standing[i] = left < g.restart_m
+        state.standing[i] = left < (g.braked_restart_m if state.braked[i] else g.restart_m)
     elif left <= g.stop_tolerance_m and abs(speed) < g.slow_mps:
         state.standing[i] = True
     if state.standing[i]:
@@ -350,7 +367,9 @@ def _jump(points: FloatArray, s: FloatArray, k: int, last: int) -> float:
 
 
 @njit(cache=True)
-def _turn(paths: _Paths, state: _State, i: int, pose: FloatArray, stop_s: float, last: int, g: _Gains) -> None:
+def _turn(
+    paths: _Paths, state: _State, i: int, pose: FloatArray, stop_s: float, speed_cap: float, last: int, g: _Gains
+) -> None:
     """Turn on the spot, up to the end of the piece or to a stop in it, and come back to the spot meanwhile."""
     points, s = paths.points[i], paths.s[i]
     k, limits, last_command = paths.cursor[i], g.limits, state.last[i]
@@ -385,9 +404,12 @@ def _turn(paths: _Paths, state: _State, i: int, pose: FloatArray, stop_s: float,
     back = min(max(g.hold_per_s * ahead, -g.hold_mps), g.hold_mps)
     last_command[0] = _ramped(back, last_command[0], rise, fall)
     brake = g.brake_fraction * limits.yaw_accel
-    most = min(limits.yaw_rate, (limits.rim - abs(last_command[0])) / limits.lever)
+    rim = max(min(limits.rim, speed_cap) - abs(last_command[0]), 0.0)
+    most = min(limits.yaw_rate, rim / limits.lever)
     free = left - sign * last_command[1] * (g.lag_s + 0.5 * g.tick_s)
     rate = min(most, math.sqrt(max(0.0, 2.0 * brake * free)), max(g.approach_per_s * left, 0.0))
     if left > g.turn_tolerance_rad:
-        rate = max(rate, g.slow_radps)
-    last_command[1] = min(max(_ramped(sign * rate, last_command[1], turn, turn), -most), most)
+        rate = max(rate, min(g.slow_radps, most))
+    last_command[1] = _ramped(sign * rate, last_command[1], turn, turn)
+    room = min(limits.yaw_rate, max(limits.rim - abs(last_command[0]), 0.0) / limits.lever)
+    last_command[1] = min(max(last_command[1], -room), room)

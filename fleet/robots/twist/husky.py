@@ -10,10 +10,10 @@ import pybullet_data
 
 from fleet.arrays import FloatArray
 from fleet.robots.description import fill, solid_box, spaced
+from fleet.robots.differential import SkidChassis, SkidSteer, TwistLimits, TwistResponse
 from fleet.robots.spec import Visual, visual
 from fleet.robots.tray import TRAY_RGBA, Tray, Triple
-from fleet.robots.twist.skid_steer import SkidSteer
-from fleet.robots.twist.spec import SkidChassis, TwistLimits, TwistResponse, TwistSpec
+from fleet.robots.twist.spec import TwistSpec
 
 _MANUAL = "https://docs.clearpathrobotics.com/docs_robots/outdoor_robots/husky/a200/user_manual_husky"
 _CONTROLLER = "https://github.com/husky/husky husky_control/config/control.yaml"
@@ -39,7 +39,7 @@ _CHASSIS_INERTIA = (0.6022, 1.7386, 2.0296)
 _CHASSIS_SIZE_M = (0.99, 0.5709, 0.2675)
 _CHASSIS_Z_M = 0.26991
 # A tray of our own on the top plate: sheet metal, room for two rows of three parcels of 20 cm.
-_TRAY = Tray(x_m=0.0, floor_z_m=0.41, inner_m=(0.72, 0.46, 0.10), wall_m=0.01)
+TRAY = Tray(x_m=0.0, floor_z_m=0.41, inner_m=(0.72, 0.46, 0.10), wall_m=0.01)
 _TRAY_MASS_KG = 2.0
 # What the rollers weigh is taken from all that.
 _BASE_MASS_KG = _CHASSIS_MASS_KG + 4 * _WHEEL_MASS_KG + _TRAY_MASS_KG - 2 * _ROLLER_MASS_KG
@@ -64,24 +64,16 @@ def husky_spec() -> TwistSpec:
     return TwistSpec(
         name="husky",
         drive="differential",
-        chassis=SkidChassis(
-            description=husky_urdf(),
-            rollers=ROLLERS,
-            supports=("supports",),
-            radius_m=WHEEL_RADIUS_M,
-            skid=SKID,
-            # 2.5 m/s^2 with a full load needs 15 N m.
-            torque_nm=60.0,
-        ),
+        chassis=husky_chassis(),
         mass_kg=_CHASSIS_MASS_KG + 4 * _WHEEL_MASS_KG + _TRAY_MASS_KG,
         max_payload_kg=20.0,
         front_m=0.495,
         rear_m=0.495,
         half_width_m=0.345,
-        height_m=_TRAY.top_z_m,
-        tray_x_m=_TRAY.x_m,
-        tray_floor_z_m=_TRAY.floor_z_m,
-        tray_size_m=_TRAY.inner_m,
+        height_m=TRAY.top_z_m,
+        tray_x_m=TRAY.x_m,
+        tray_floor_z_m=TRAY.floor_z_m,
+        tray_size_m=TRAY.inner_m,
         limits=TwistLimits(
             max_speed_mps=1.0,
             max_yaw_rate_radps=2.0,
@@ -112,6 +104,30 @@ def husky_spec() -> TwistSpec:
             "max_lateral_mps2": "the wheels' sideways hold in our physics, see `husky_urdf`",
         },
     )
+
+
+def husky_chassis() -> SkidChassis:
+    """Give what engines build and drive it by."""
+    return SkidChassis(
+        description=husky_urdf(),
+        rollers=ROLLERS,
+        supports=("supports",),
+        radius_m=WHEEL_RADIUS_M,
+        skid=SKID,
+        # 2.5 m/s^2 with a full load needs 15 N m.
+        torque_nm=60.0,
+    )
+
+
+def body_boxes() -> FloatArray:
+    """Give the boxes with which its body collides: chassis, floor and walls of the tray.
+
+    Returns:
+        Lowest and highest corners in its frame [m], shape (6, 2, 3).
+    """
+    boxes = np.array([(_CHASSIS_SIZE_M, (0.0, 0.0, _CHASSIS_Z_M)), *_tray_boxes()])
+    sizes, centres = boxes[:, 0], boxes[:, 1]
+    return np.stack((centres - sizes / 2, centres + sizes / 2), axis=1)
 
 
 def husky_urdf() -> str:
@@ -172,12 +188,12 @@ def wheel_places() -> FloatArray:
 
 def _base() -> tuple[tuple[float, float, float], tuple[float, float, float]]:
     """Centre of mass and moments of inertia about it of chassis, wheels and tray, by the parallel-axis theorem."""
-    length, width, _ = _TRAY.inner_m
+    length, width, _ = TRAY.inner_m
     tray = _TRAY_MASS_KG / 12.0 * np.array([width**2, length**2, length**2 + width**2])
     across, axle = _WHEEL_INERTIA
     parts = [
         (_CHASSIS_MASS_KG, np.array(_CHASSIS_COM_M), np.array(_CHASSIS_INERTIA)),
-        (_TRAY_MASS_KG, np.array([_TRAY.x_m, 0.0, _TRAY.floor_z_m]), tray),
+        (_TRAY_MASS_KG, np.array([TRAY.x_m, 0.0, TRAY.floor_z_m]), tray),
         *((_WHEEL_MASS_KG, place, np.array([across, axle, across])) for place in wheel_places()),
         # The rollers' mass is theirs.
         *((-_ROLLER_MASS_KG, np.array([0.0, side * _WHEEL_Y_M, WHEEL_RADIUS_M]), np.zeros(3)) for side in (1.0, -1.0)),
@@ -198,7 +214,7 @@ def _meshes() -> Path:
 
 def _tray_boxes() -> list[tuple[Triple, Triple]]:
     """Size and centre of the floor plate, which reaches down to the chassis, and the four walls."""
-    return [_TRAY.floor(_CHASSIS_Z_M + _CHASSIS_SIZE_M[2] / 2), *_TRAY.plates()]
+    return [TRAY.floor(_CHASSIS_Z_M + _CHASSIS_SIZE_M[2] / 2), *TRAY.plates()]
 
 
 def _visuals() -> tuple[Visual, ...]:

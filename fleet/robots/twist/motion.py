@@ -9,6 +9,7 @@ import numpy as np
 from numba import njit
 
 from fleet.arrays import FloatArray
+from fleet.robots.differential import DifferentialDrive
 from fleet.robots.twist.follower import shared
 from fleet.robots.twist.spec import TwistSpec
 
@@ -42,7 +43,9 @@ class TwistMotion:
         substep_s: Greatest integration step [s].
     """
 
-    def __init__(self, spec: TwistSpec, start: FloatArray, tick_s: float, substep_s: float = 1 / 120) -> None:
+    def __init__(
+        self, spec: TwistSpec | DifferentialDrive, start: FloatArray, tick_s: float, substep_s: float = 1 / 120
+    ) -> None:
         self.poses = np.array(start, dtype=np.float64)
         self.speeds = np.zeros(len(start))
         self.yaw_rates = np.zeros(len(start))

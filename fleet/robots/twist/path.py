@@ -12,9 +12,8 @@ import math
 import numpy as np
 
 from fleet.arrays import FloatArray
+from maps.vehicle import TURN_M_PER_RAD
 
-TURN_M_PER_RAD = 0.25
-"""Arc length that stands for a radian of a turn on the spot [m]; about what the wheels of a small robot roll."""
 SPACING_M = 0.02
 """Distance of neighbouring points [m]."""
 

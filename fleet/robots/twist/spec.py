@@ -6,62 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
+from fleet.robots.differential import SkidChassis, TwistLimits, TwistResponse
 from fleet.robots.spec import Visual
-from fleet.robots.twist.skid_steer import SkidSteer
 from fleet.robots.twist.trot import TrotConfig
 
 TwistDrive = Literal["differential", "legged"]
-
-
-@dataclass(frozen=True, kw_only=True)
-class TwistLimits:
-    """What a robot may be told.
-
-    Speed and yaw rate share what the outer wheels or feet can do: `|v| + lever_m |w| <= max_rim_mps`.
-    """
-
-    max_speed_mps: float
-    max_yaw_rate_radps: float
-    max_accel_mps2: float
-    max_brake_mps2: float
-    max_yaw_accel_radps2: float
-    max_rim_mps: float
-    """Greatest speed of a wheel's rim, or of a foot on the floor [m/s]."""
-    lever_m: float
-    """What a yaw rate of 1 rad/s adds to the rim speed of the outer wheels, or of the farthest foot [m]."""
-    max_lateral_mps2: float
-    """Greatest sideways acceleration in curves: wheels and feet slip beyond it."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class TwistResponse:
-    """How a robot answers its commands; the kinematic model's parameters, fitted by ``python -m fleet robots fit``."""
-
-    speed_gain: float
-    """Speed for a command of 1 m/s, when it has settled."""
-    speed_lag_s: float
-    """Time in which the speed comes to within 37 % of its command, as long as no limit holds it back [s]."""
-    yaw_gain: float
-    """Yaw rate for a command of 1 rad/s, when it has settled."""
-    yaw_lag_s: float
-    """The same as `speed_lag_s`, of the yaw rate [s]."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class SkidChassis:
-    """How engines build and drive a robot on wheels that do not steer."""
-
-    description: str
-    """URDF text; its base frame is the reference point."""
-    rollers: tuple[str, str]
-    """Links that drive it, left and right; each spins in the joint ``<link>_spin``, forward where positive."""
-    supports: tuple[str, ...]
-    """Links that it leans on."""
-    radius_m: float
-    """Of the rollers."""
-    skid: SkidSteer
-    torque_nm: float
-    """Most torque of a side."""
 
 
 @dataclass(frozen=True, kw_only=True)

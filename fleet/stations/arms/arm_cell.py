@@ -11,6 +11,7 @@ from fleet.arrays import FloatArray, IntArray
 from fleet.robots.spec import CarSpec
 from fleet.tasks.order import MAX_EDGE_M
 from fleet.world.scene import Scene, StaticBox
+from fleet.world.site_scene import USUAL_TRAY_M, dock_pose
 from maps.grid import GridMap
 from maps.site import Site
 from maps.stations import StationPlace
@@ -20,7 +21,7 @@ REACH_M = 1.4
 FENCE_M = 0.95
 """An arm stays within this of its base along x and along y [m]; bases are at least twice as far apart."""
 PASSING_CAR_M = 0.45
-"""Height kept free over drivable cells: a car with the highest parcel is 0.31 m tall [m]."""
+"""Height kept free over drivable cells: a car with the usual tray and the highest parcel is 0.31 m tall [m]."""
 DOCK_CAR_M = 0.33
 """The same in the dock cell, below which no arm comes but to serve the car there: its via points lie low over the tray,
 where a tool reaches down to 0.37 m [m]."""
@@ -95,7 +96,12 @@ class _Box(NamedTuple):
 
 
 def arm_cells(site: Site, scene: Scene) -> tuple[ArmCell, ...]:
-    """Surroundings of every station's arm, in the order of the stations."""
+    """Surroundings of every station's arm, in the order of the stations; once for each kind of tray that cars have."""
+    return tuple(cell for car in scene.cars.hulls for cell in _arm_cells(site, scene, car))
+
+
+def _arm_cells(site: Site, scene: Scene, car: CarSpec) -> list[ArmCell]:
+    """Surroundings of every station's arm when such a car is at the dock."""
     centre = np.array([box.centre_m[:2] for box in scene.boxes]).reshape(-1, 2)
     half = np.array([box.half_m[:2] for box in scene.boxes]).reshape(-1, 2)
     cells = []
@@ -103,13 +109,17 @@ def arm_cells(site: Site, scene: Scene) -> tuple[ArmCell, ...]:
         # A first look at all boxes together, since a large floor has thousands for each of hundreds of arms.
         gap = np.abs(centre - np.array(place.arm.pose[:2])) - half
         near = np.flatnonzero((gap < REACH_M).all(axis=1))
-        cells.append(_arm_cell(site, scene, arm, place, [scene.boxes[k] for k in near.tolist()]))
-    return tuple(cells)
+        cells.append(_arm_cell(site, scene, arm, place, [scene.boxes[k] for k in near.tolist()], car))
+    return cells
 
 
-def _arm_cell(site: Site, scene: Scene, arm: int, place: StationPlace, near_boxes: list[StaticBox]) -> ArmCell:
+def _arm_cell(
+    site: Site, scene: Scene, arm: int, place: StationPlace, near_boxes: list[StaticBox], car: CarSpec
+) -> ArmCell:
     base = np.array(scene.arm_base[arm], dtype=np.float64)
-    grid, car = site.grid, scene.cars.hull
+    grid, docked = site.grid, dock_pose(site, place, car)
+    passing_m = PASSING_CAR_M + max(scene.cars.most("tray_floor_z_m") - USUAL_TRAY_M, 0.0)
+    dock_m = DOCK_CAR_M + max(car.tray_floor_z_m - USUAL_TRAY_M, 0.0)
     boxes: list[_Box] = [_Box(np.array([base[0], base[1], -0.05]), np.array([3.0, 3.0, 0.05]), 0.0, FLOOR_FRAME)]
     for box in near_boxes:
         centre, half = np.array(box.centre_m), np.array(box.half_m)
@@ -120,15 +130,15 @@ def _arm_cell(site: Site, scene: Scene, arm: int, place: StationPlace, near_boxe
         # Always as if the rack were full of the largest parcels, so that a plan holds whatever lies there.
         top = np.array([x, y, z + MAX_EDGE_M / 2])
         boxes.append(_Box(top, np.full(3, MAX_EDGE_M / 2), name=f"slot {number}"))
-    boxes += _car_boxes(car, place)
+    boxes += _car_boxes(car, docked)
     for lane_cell in _lane_cells_around(grid, base):
         if lane_cell == place.dock.cell:
             continue
         x, y = grid.xy(*grid.row_col(lane_cell))
-        half = np.array([grid.cell_m / 2, grid.cell_m / 2, PASSING_CAR_M / 2])
+        half = np.array([grid.cell_m / 2, grid.cell_m / 2, passing_m / 2])
         if np.hypot(x - base[0], y - base[1]) < REACH_M + grid.cell_m:
             name = f"lane at {_at(grid, x, y)}"
-            boxes.append(_Box(np.array([x, y, PASSING_CAR_M / 2]), half, name=name))
+            boxes.append(_Box(np.array([x, y, passing_m / 2]), half, name=name))
     near = [box for box in boxes if _gap(box, base) < REACH_M] + _fence(base)
     cell = ArmCell(
         car=car,
@@ -144,8 +154,8 @@ def _arm_cell(site: Site, scene: Scene, arm: int, place: StationPlace, near_boxe
         dock_yaw=0.0,
     )
     dock_x, dock_y = grid.xy(*grid.row_col(place.dock.cell))
-    dock_centre = cell.base_from_world(np.array([dock_x, dock_y, DOCK_CAR_M / 2]))
-    x, y, yaw = place.dock.pose
+    dock_centre = cell.base_from_world(np.array([dock_x, dock_y, dock_m / 2]))
+    x, y, yaw = docked
     ahead = car.tray_x_m
     tray = np.array([x + ahead * np.cos(yaw), y + ahead * np.sin(yaw), car.tray_floor_z_m])
     return ArmCell(
@@ -158,7 +168,7 @@ def _arm_cell(site: Site, scene: Scene, arm: int, place: StationPlace, near_boxe
         box_yaw=cell.box_yaw,
         box_min_frame=cell.box_min_frame,
         box_name=cell.box_name,
-        dock_box=np.array([dock_centre, (grid.cell_m / 2, car.half_width_m + ASTRAY_M, DOCK_CAR_M / 2)]),
+        dock_box=np.array([dock_centre, (grid.cell_m / 2, car.half_width_m + ASTRAY_M, dock_m / 2)]),
         dock_yaw=yaw - base[3],
     )
 
@@ -195,9 +205,9 @@ def _fence(base: FloatArray) -> list[_Box]:
     ]
 
 
-def _car_boxes(car: CarSpec, place: StationPlace) -> list[_Box]:
-    """Body and tray walls of a car at the dock."""
-    x, y, yaw = place.dock.pose
+def _car_boxes(car: CarSpec, pose: tuple[float, float, float]) -> list[_Box]:
+    """Body and tray walls of a car at a pose."""
+    x, y, yaw = pose
     length, width, wall_height = car.tray_size_m
     middle = (car.front_m - car.rear_m) / 2
     half_body = np.array([(car.front_m + car.rear_m) / 2, car.half_width_m, car.tray_floor_z_m / 2])

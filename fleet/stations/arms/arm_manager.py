@@ -86,6 +86,8 @@ class ArmManager:
         self._reasons = [""] * len(start_rad)
         self._n_stops = np.zeros(len(start_rad), dtype=np.int64)
         self._outside: set[int] = set()
+        self._fetched_for = np.zeros(len(start_rad), dtype=np.int64)
+        """For which kind of tray each arm has fetched what it holds ahead."""
         self.trees: dict[int, FloatArray] = {}
         """Search trees behind the plans that have landed, by arm, as in `Transfer`; whoever shows them takes them."""
 
@@ -113,14 +115,26 @@ class ArmManager:
         """End a `hand_over`: the arm is home."""
         self._outside.discard(arm)
 
-    def is_ready(self, arm: int, parcel: int) -> bool:
-        """True when an arm could begin to serve a car with a parcel: it is home, or holds just that parcel."""
+    def is_ready(self, arm: int, parcel: int, tray: int = 0) -> bool:
+        """True when an arm could begin to serve a car with a parcel: it is home, or holds just that parcel for it.
+
+        Args:
+            arm: The arm.
+            parcel: The parcel.
+            tray: Which kind of tray the car has.
+        """
         service = self.services[arm]
-        return self.is_idle(arm) or (service.state is _HOLDING and service.parcel == parcel)
+        holds = service.state is _HOLDING and service.parcel == parcel
+        return self.is_idle(arm) or (holds and self.fetched_for(arm) == tray)
+
+    def fetched_for(self, arm: int) -> int:
+        """For which kind of tray an arm has fetched what it holds ahead."""
+        return int(self._fetched_for[arm])
 
     def fetch(self, request: FetchRequest, tick: int) -> None:
         """Ask for a parcel to be fetched ahead, by an arm that is idle."""
         self._reasons[request.arm] = ""
+        self._fetched_for[request.arm] = request.tray
         self._ask(request.arm, self._planner.submit(request), tick)
 
     def put_back(self, arm: int) -> None:
@@ -149,6 +163,8 @@ class ArmManager:
                 place_via=request.place_via,
                 car_pose=request.car_pose,
                 grip_height_m=service.grip_height_m,
+                tray=request.tray,
+                tray_at_m=request.tray_at_m,
             )
         self._ask(request.arm, self._planner.submit(question), tick)
 

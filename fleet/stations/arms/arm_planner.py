@@ -54,6 +54,7 @@ class ArmSetup:
     """What an arm planner is made from; plain data, so that it can cross a process border."""
 
     cells: tuple[ArmCell, ...]
+    """Of all arms for cars with one kind of tray, then for those with the next."""
     names: tuple[str, ...]
     """Station of each cell, for messages."""
     specs: tuple[ArmSpec, ...]
@@ -62,6 +63,12 @@ class ArmSetup:
     n_iterations: int
     confirm: bool
     """Whether the physics engine has the last word on every path."""
+    n_trays: int = 1
+    """Kinds of trays."""
+
+    def cell_of(self, request: ArmRequest) -> int:
+        """Number of the cell that a request is about."""
+        return request.arm + request.tray * (len(self.cells) // self.n_trays)
 
 
 class EngineConfirm:
@@ -144,31 +151,31 @@ class LocalArmPlanner:
         """Look at the arms, of those with the same surroundings at one, before any is refused."""
         judged: dict[tuple[str, bytes], PlaceRefusal | None] = {}
         refusals = []
-        for arm, (name, cell) in enumerate(zip(setup.names, setup.cells, strict=True)):
+        for number, (name, cell) in enumerate(zip(setup.names, setup.cells, strict=True)):
             if told is not None:
                 told(name)
-            spec = setup.specs[arm]
+            spec = setup.specs[number]
             key = spec.name, cell.geometry_key()
             if key not in judged:
-                judged[key] = refusal_of(self._planner(arm), partial(self._other_planner, spec))
+                judged[key] = refusal_of(self._planner(number), partial(self._other_planner, spec))
             refusal = judged[key]
             if refusal is not None:
                 refusals.append(refusal.words(name, spec, cell))
         if refusals:
             raise ReachError(tuple(refusals))
 
-    def _planner(self, arm: int) -> CellPlanner:
-        """The planner of an arm, made when it is first needed."""
-        if arm not in self._planners:
-            spec, cell = self._setup.specs[arm], self._setup.cells[arm]
+    def _planner(self, number: int) -> CellPlanner:
+        """The planner of a cell, made when it is first needed."""
+        if number not in self._planners:
+            spec, cell = self._setup.specs[number], self._setup.cells[number]
             key = spec.name, cell.geometry_key()
             if key not in self._known:
                 self._known[key] = self._known_of(spec, cell)
             planner = self._planner_of(spec, cell, self._known[key])
             if self._keeps_trees:
                 planner.keep_trees()
-            self._planners[arm] = planner
-        return self._planners[arm]
+            self._planners[number] = planner
+        return self._planners[number]
 
     def _known_of(self, spec: ArmSpec, cell: ArmCell) -> KnownCell:
         return KnownCell(cell, self._arms[spec.name], self._engines.get(spec.name))
@@ -199,10 +206,11 @@ class LocalArmPlanner:
     def answer(self, request: ArmRequest) -> Transfer:
         """Plan one request."""
         transfer = self._planned(request)
-        return replace(transfer, trees=self._planner(request.arm).take_trees()) if self._keeps_trees else transfer
+        planner = self._planner(self._setup.cell_of(request))
+        return replace(transfer, trees=planner.take_trees()) if self._keeps_trees else transfer
 
     def _planned(self, request: ArmRequest) -> Transfer:
-        planner = self._planner(request.arm)
+        planner = self._planner(self._setup.cell_of(request))
         if isinstance(request, HomeRequest):
             return planner.home(request)
         if isinstance(request, FetchRequest):
@@ -340,15 +348,17 @@ def arm_setup(cells: tuple[ArmCell, ...], names: tuple[str, ...], team: ArmTeam,
     """What the arm planner of a run is made from.
 
     Args:
-        cells: One for each arm.
-        names: Of their stations.
+        cells: One for each arm and kind of tray, see `arm_cells`.
+        names: Of the arms' stations.
         team: The arms.
         config: Of the run.
     """
+    n_trays = len(cells) // len(names) if names else 1
     return ArmSetup(
         cells=cells,
-        names=names,
-        specs=team.specs,
+        names=names * n_trays,
+        specs=team.specs * n_trays,
+        n_trays=n_trays,
         planner=config.arms.planner,
         n_iterations=config.arms.iterations_n,
         confirm=config.fidelity.has_contact,

@@ -431,8 +431,9 @@ class CellPlanner:
     def _place_tip(self, request: TransferRequest | DeliverRequest, grip_height: float) -> FloatArray:
         if request.place_via == TRAY:
             x, y, yaw = request.car_pose
-            ahead = self._car.tray_x_m
-            world = np.array([x + ahead * np.cos(yaw), y + ahead * np.sin(yaw), self._car.tray_floor_z_m])
+            ahead, left = self._car.tray_x_m + request.tray_at_m[0], request.tray_at_m[1]
+            cos, sin = np.cos(yaw), np.sin(yaw)
+            world = np.array([x + ahead * cos - left * sin, y + ahead * sin + left * cos, self._car.tray_floor_z_m])
             support = self.cell.base_from_world(world)
         else:
             support = self.cell.slots[request.place_via]

@@ -42,6 +42,10 @@ class TransferRequest:
     """Slot index or `TRAY`."""
     car_pose: FloatArray
     """Estimated pose x, y, yaw of the car at the dock."""
+    tray: int = 0
+    """Which kind of tray that car has."""
+    tray_at_m: tuple[float, float] = (0.0, 0.0)
+    """Where in it a parcel is set down, ahead of its centre and to the left of it [m]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,6 +59,8 @@ class FetchRequest:
     """World pose of the parcel's centre, shape (7,)."""
     pick_via: int
     """Slot index."""
+    tray: int = 0
+    """Which kind of tray the car has that comes for it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,6 +78,10 @@ class DeliverRequest:
     """Estimated pose x, y, yaw of the car at the dock."""
     grip_height_m: float
     """The tip's height over the parcel's underside [m]."""
+    tray: int = 0
+    """Which kind of tray that car has; the one for which the parcel was fetched."""
+    tray_at_m: tuple[float, float] = (0.0, 0.0)
+    """As in `TransferRequest`."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,6 +91,8 @@ class HomeRequest:
     arm: int
     q: FloatArray
     """Joint positions now [rad], shape (n_joints,)."""
+    tray: int = 0
+    """All trays have the same rest."""
 
 
 ArmRequest = TransferRequest | FetchRequest | DeliverRequest | HomeRequest

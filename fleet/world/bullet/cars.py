@@ -14,7 +14,9 @@ from numba import njit
 from fleet.arrays import BoolArray, FloatArray, IntArray
 from fleet.robots.angle import rotation_into
 from fleet.robots.cars.models import CarModels
+from fleet.robots.differential import DifferentialDrive
 from fleet.robots.spec import HINGES, WHEELS, CarMotors
+from fleet.robots.twist.follower import shared
 from fleet.world.bullet.ackermann import Ackermann
 from fleet.world.bullet.engine import groups
 from fleet.world.bullet.engine.client import Client
@@ -42,6 +44,22 @@ class _Push:
     steps: int
 
 
+class _Joints(NamedTuple):
+    """Joints of a model, which are also the numbers of the links that they move."""
+
+    wheels: list[int]
+    """In the order of `WHEELS`, or the left and the right roller of a car that does not steer."""
+    hinges: list[int]
+    """In the order of `HINGES`; none of a car that does not steer."""
+    leans: list[int]
+    """Links that it leans on beside the wheels."""
+
+    @property
+    def all(self) -> list[int]:
+        """Those that move."""
+        return self.wheels + self.hinges
+
+
 class CarBodyMotion(NamedTuple):
     """All that a car takes along from one world to another."""
 
@@ -59,7 +77,7 @@ class CarReading(NamedTuple):
     speeds: FloatArray
     """Signed forward speeds [m/s], shape (n,)."""
     steering: FloatArray
-    """Angles of equivalent bicycles [rad], shape (n,)."""
+    """Angles of equivalent bicycles [rad], or yaw rates of cars that do not steer [rad/s], shape (n,)."""
     centres: FloatArray
     """Centres of mass x, y, shape (n, 2)."""
     top_speed: float
@@ -138,10 +156,11 @@ class Cars:
         self._ride = (0.0, (0.0, 0.0, 0.0, 1.0))
         self._changed = np.empty(len(self.bodies), dtype=np.int64)
         self._fresh = np.empty((2, len(self.bodies)))
-        self._wheels: list[int] = []
-        self._hinges: list[int] = []
+        self._joints_of: dict[int, _Joints] = {}
         self._coms = np.zeros((len(models.kinds), 3))
         self._brakes: list[int] = []
+        self.models = models
+        """Which model each car is."""
         for kind, body in zip(kinds, self.bodies, strict=True):
             self._equip(kind, body)
         self._know(models)
@@ -149,10 +168,10 @@ class Cars:
     def _know(self, models: CarModels) -> None:
         """Keep what the models say of each car."""
         self.models = models
-        """Which model each car is."""
         self._kinds: list[int] = models.kind_of.tolist()
+        self._steers: BoolArray = models.each("turn_base_m") > 0.0
         self._ackermann = Ackermann(models)
-        self._limit = np.stack((models.each("max_steering_rad"), models.each("max_speed_mps")), axis=1)
+        self._limit = np.stack((models.each("max_turn"), models.each("max_speed_mps")), axis=1)
         self._com = self._coms[models.kind_of]
 
     def _load(self, kind: int, pose: FloatArray) -> int:
@@ -168,14 +187,13 @@ class Cars:
     def _equip(self, kind: int, body: int) -> None:
         """Say what a car's wheels touch, and give it a brake."""
         client = self._client
-        if not self._wheels:
-            names = {client.getJointInfo(body, joint)[1].decode(): joint for joint in range(client.getNumJoints(body))}
-            self._wheels = [names[f"{wheel}_spin"] for wheel in WHEELS]
-            self._hinges = [names[hinge] for hinge in HINGES]
+        if kind not in self._joints_of:
+            self._joints_of[kind] = self._joints(kind, body)
+        joints = self._joints_of[kind]
         # Bullet reports the pose of the centre of mass; this is where it lies in the rear-axle frame.
         self._coms[kind] = client.getDynamicsInfo(body, -1)[3]
-        for wheel in self._wheels:
-            client.setCollisionFilterGroupMask(body, wheel, groups.MOVING, groups.WHEELS_MASK)
+        for link in joints.wheels + joints.leans:
+            client.setCollisionFilterGroupMask(body, link, groups.MOVING, groups.WHEELS_MASK)
         if not self._has_brakes:
             return
         # Made once and switched by their force: constraints that come and go would make snapshots inexact.
@@ -186,6 +204,19 @@ class Cars:
         client.changeConstraint(brake, maxForce=0.0)
         self._brakes.append(brake)
 
+    def _joints(self, kind: int, body: int) -> _Joints:
+        """Find the joints of a model in one of its bodies."""
+        client, model = self._client, self.models.kinds[kind]
+        infos = [client.getJointInfo(body, joint) for joint in range(client.getNumJoints(body))]
+        names = {info[1].decode(): joint for joint, info in enumerate(infos)}
+        if model.differential is None:
+            return _Joints([names[f"{wheel}_spin"] for wheel in WHEELS], [names[hinge] for hinge in HINGES], [])
+        links = {info[12].decode(): joint for joint, info in enumerate(infos)}
+        chassis = model.differential.chassis
+        return _Joints(
+            [names[f"{roller}_spin"] for roller in chassis.rollers], [], [links[name] for name in chassis.supports]
+        )
+
     def drive(self, commands: FloatArray) -> None:
         """Set the motors; a command equal to the last one costs nothing.
 
@@ -193,7 +224,8 @@ class Cars:
         A car that is told to stand still brakes.
 
         Args:
-            commands: Steering angle [rad] and speed [m/s], limited to what the car can do, shape (n, 2).
+            commands: Steering angle [rad], or yaw rate [rad/s] of a car that does not steer, and speed [m/s]; limited
+                to what the car can do, shape (n, 2).
         """
         if self._brakes:
             self._brake(commands)
@@ -205,14 +237,18 @@ class Cars:
         client, kinds = self._client, self.models.kinds
         motor, motors = client.setJointMotorControl2, client.setJointMotorControlArray
         velocity, position = client.VELOCITY_CONTROL, client.POSITION_CONTROL
-        left, right = self._hinges
         changed = self._changed[:n_changed].tolist()
-        rows = zip(changed, speeds.tolist(), spins.tolist(), angles.tolist(), strict=True)
-        for car, speed, spin, (left_rad, right_rad) in rows:
-            body, own = self.bodies[car], self._motors[self._kinds[car]]
-            rate = kinds[self._kinds[car]].max_steering_rate_radps
+        rows = zip(changed, steering.tolist(), speeds.tolist(), spins.tolist(), angles.tolist(), strict=True)
+        for car, turn, speed, spin, (left_rad, right_rad) in rows:
+            kind = self._kinds[car]
+            body, own, joints = self.bodies[car], self._motors[kind], self._joints_of[kind]
             torque = own.brake_nm if speed == 0.0 else own.drive_nm
-            motors(body, self._wheels, velocity, targetVelocities=spin, forces=[torque] * len(WHEELS))
+            if (differential := kinds[kind].differential) is not None:
+                sides = _sides(differential, turn, speed)
+                motors(body, joints.wheels, velocity, targetVelocities=sides, forces=[torque] * len(joints.wheels))
+                continue
+            rate, (left, right) = kinds[kind].max_steering_rate_radps, joints.hinges
+            motors(body, joints.wheels, velocity, targetVelocities=spin, forces=[torque] * len(WHEELS))
             motor(body, left, position, left_rad, 0.0, own.steer_nm, own.steer_gain, 1.0, rate)
             motor(body, right, position, right_rad, 0.0, own.steer_nm, own.steer_gain, 1.0, rate)
 
@@ -265,8 +301,12 @@ class Cars:
         for car in present.tolist():
             body = self.bodies[car]
             place, quat = pose(body)
-            left, right = joints(body, self._hinges)
-            numbers += (*place, *quat, *velocity(body)[0], left[0], right[0])
+            linear, angular = velocity(body)
+            if self._steers[car]:
+                left, right = joints(body, self._joints_of[self._kinds[car]].hinges)
+                numbers += (*place, *quat, *linear, left[0], right[0])
+            else:
+                numbers += (*place, *quat, *linear, angular[2], 0.0)
         states = np.array(numbers).reshape(n, _N_STATE_NUMBERS)
         turns, angles, poses, speeds = np.empty((n, 3, 3)), np.empty((n, 2)), np.empty((n, 3)), np.empty(n)
         frames = np.empty((n, 3, 4))
@@ -278,6 +318,8 @@ class Cars:
             offsets[own] = turns[own] @ com
         top_speed = _read(states, offsets, turns, yaws, poses, speeds, frames)
         steering = self._ackermann.bicycles(present, angles)
+        if not self._steers.all():
+            steering = np.where(self._steers[present], steering, angles[:, 0])
         now = CarReading(
             poses=poses, speeds=speeds, steering=steering, centres=states[:, :2], top_speed=top_speed, frames=frames
         )
@@ -296,33 +338,36 @@ class Cars:
 
     def state(self) -> list[float]:
         """All positions and velocities of the cars, one after the other."""
-        return [number for body in self.bodies for number in self._numbers(body)]
+        return [number for car in range(len(self.bodies)) for number in self._numbers(car)]
 
-    def _numbers(self, body: int) -> list[float]:
-        client = self._client
+    def _numbers(self, car: int) -> list[float]:
+        client, body = self._client, self.bodies[car]
         numbers: list[float] = []
         for part in (*client.getBasePositionAndOrientation(body), *client.getBaseVelocity(body)):
             numbers.extend(part)
-        for joint in client.getJointStates(body, self._wheels + self._hinges):
+        for joint in client.getJointStates(body, self._joints_of[self._kinds[car]].all):
             numbers.extend(joint[:2])
         return numbers
 
     def place(self, state: list[float]) -> None:
         """Set what `state` gives."""
-        each = 13 + 2 * len(self._wheels + self._hinges)
-        for body, numbers in zip(self.bodies, _split(state, each), strict=True):
-            self._set(body, numbers)
+        begin = 0
+        for car, kind in enumerate(self._kinds):
+            end = begin + 13 + 2 * len(self._joints_of[kind].all)
+            self._set(car, state[begin:end])
+            begin = end
 
-    def _set(self, body: int, numbers: list[float]) -> None:
-        client = self._client
+    def _set(self, car: int, numbers: list[float]) -> None:
+        client, body = self._client, self.bodies[car]
         client.resetBasePositionAndOrientation(body, numbers[:3], numbers[3:7])
         client.resetBaseVelocity(body, numbers[7:10], numbers[10:13])
-        for joint, (position, velocity) in zip(self._wheels + self._hinges, _split(numbers[13:], 2), strict=True):
+        joints = self._joints_of[self._kinds[car]].all
+        for joint, (position, velocity) in zip(joints, _split(numbers[13:], 2), strict=True):
             client.resetJointState(body, joint, position, velocity)
 
     def motion(self, car: int) -> CarBodyMotion:
         """Measure all that a car's body has, to the last bit, for `admit` of another world."""
-        return CarBodyMotion(numbers=self._numbers(self.bodies[car]), push=copy.deepcopy(self._pushes.get(car)))
+        return CarBodyMotion(numbers=self._numbers(car), push=copy.deepcopy(self._pushes.get(car)))
 
     def admit(self, pose: FloatArray, motion: CarBodyMotion | None) -> None:
         """Load one more car of the first model, as the last one; none may be aside.
@@ -337,7 +382,7 @@ class Cars:
         self._know(CarModels(kinds=self.models.kinds, kind_of=np.append(self.models.kind_of, 0)))
         self._list_anew(len(self.bodies), np.arange(len(self.bodies) - 1))
         if motion is not None:
-            self._set(body, motion.numbers)
+            self._set(len(self.bodies) - 1, motion.numbers)
             if motion.push is not None:
                 self._pushes[len(self.bodies) - 1] = copy.deepcopy(motion.push)
         self.now = self.reading()
@@ -409,9 +454,10 @@ class Cars:
         about = client.multiplyTransforms((0, 0, 0), quaternion(turn), (0, 0, 0), quat)[1]
         client.resetBasePositionAndOrientation(body, there, about)
         client.resetBaseVelocity(body, (0, 0, 0), (0, 0, 0))
-        for joint in self._wheels:
+        joints = self._joints_of[self._kinds[car]]
+        for joint in joints.wheels:
             client.resetJointState(body, joint, client.getJointState(body, joint)[0], 0.0)
-        for joint in self._hinges:
+        for joint in joints.hinges:
             client.resetJointState(body, joint, 0.0, 0.0)
 
     def note_ride(self) -> None:
@@ -484,9 +530,10 @@ class Cars:
         rates = turn[:, 2] * (speed * math.tan(steering) / self.models[car].wheelbase_m)
         client.resetBaseVelocity(body, (turn[:, 0] * speed + np.cross(rates, arm)).tolist(), rates.tolist())
         spins, angles = self._ackermann.motions(np.array([car]), np.array([steering]), np.array([speed]))
-        for joint, spin in zip(self._wheels, spins[0].tolist(), strict=True):
+        joints = self._joints_of[self._kinds[car]]
+        for joint, spin in zip(joints.wheels, spins[0].tolist(), strict=True):
             client.resetJointState(body, joint, 0.0, spin)
-        for joint, angle in zip(self._hinges, angles[0].tolist(), strict=True):
+        for joint, angle in zip(joints.hinges, angles[0].tolist(), strict=True):
             client.resetJointState(body, joint, angle, 0.0)
 
     def memory(self) -> _Memory:
@@ -517,6 +564,7 @@ class Cars:
     def _brake(self, commands: FloatArray) -> None:
         """Park the cars that stand and are told to, and let go of those that are not, or that were shoved away."""
         standing = (self._sent[:, 1] == 0.0) & (commands[:, 1] == 0.0) & ~self._aside
+        standing &= self._steers | (commands[:, 0] == 0.0)  # a car that turns on the spot does not stand
         if self._parked.any():
             self._release(np.flatnonzero(self._parked & (~standing | self._slipped())))
         if standing.any():
@@ -561,6 +609,15 @@ def _limited(motors: CarMotors, share: float) -> CarMotors:
     """Motors with a part of their torques; a brake that holds keeps its force."""
     torques = {name: getattr(motors, name) * share for name in ("drive_nm", "brake_nm", "steer_nm")}
     return replace(motors, **torques)
+
+
+def _sides(drive: DifferentialDrive, yaw_rate: float, speed: float) -> list[float]:
+    """Speeds of the left and the right roller for a command, within what their rims can do [rad/s]."""
+    limits, chassis = drive.limits, drive.chassis
+    share = shared(speed, yaw_rate, limits.max_yaw_rate_radps, limits.max_rim_mps, limits.lever_m)
+    rims = chassis.skid.rims(np.array([[share * speed, share * yaw_rate]]))
+    sides: list[float] = (chassis.skid.contacts(rims)[0] / chassis.radius_m).tolist()
+    return sides
 
 
 def _split(numbers: list[float], length: int) -> list[list[float]]:

@@ -86,7 +86,7 @@ def test_unknown_site_lists_the_names():
         ("name = 'a'", "plan is missing"),
         (
             "plan = '''\n.\n'''\ncolour = 1",
-            "colour is not a known entry; valid: one of name, allow_reverse, plan",
+            "colour is not a known entry; valid: one of name, allow_reverse, cell_m, plan",
         ),
         ("plan = '.'\n[stations.pick_1]\narm = 1", "stations.pick_1.arm is 1"),
         ("plan = '.'\n[stations.pick_1]\nstop_offset_m = -0.1", "stations.pick_1.stop_offset_m is -0.1"),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from fleet.arrays import FloatArray
-from fleet.robots.twist.spec import SkidChassis
+from fleet.robots.differential import SkidChassis
 from fleet.world.bullet.engine import groups
 from fleet.world.bullet.engine.client import Client
 from fleet.world.bullet.engine.frames import quaternion

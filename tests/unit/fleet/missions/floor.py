@@ -28,6 +28,7 @@ from fleet.dispatch.solver import Solver
 from fleet.missions.admission import Admission
 from fleet.missions.charging import Charging
 from fleet.missions.docks import Docks
+from fleet.missions.parcels.aboard import Aboard
 from fleet.missions.parcels.inventory import Inventory
 from fleet.missions.parcels.perception import TruePoses
 from fleet.missions.parcels.prefetch import Prefetch
@@ -188,13 +189,18 @@ class FakeArms:
         self.fetched: list[Any] = []
         self.returned: list[int] = []
         self.reasons = [""] * n_arms
+        self.trays: dict[int, int] = {}
 
     def is_idle(self, arm: int) -> bool:
         return self.services[arm].state is ArmPhase.IDLE
 
-    def is_ready(self, arm: int, parcel: int) -> bool:
+    def fetched_for(self, arm: int) -> int:
+        return self.trays.get(arm, 0)
+
+    def is_ready(self, arm: int, parcel: int, tray: int = 0) -> bool:
         service = self.services[arm]
-        return self.is_idle(arm) or (service.state is ArmPhase.HOLDING and service.parcel == parcel)
+        holds = service.state is ArmPhase.HOLDING and service.parcel == parcel
+        return self.is_idle(arm) or (holds and self.fetched_for(arm) == tray)
 
     def submit(self, request: Any, tick: int) -> None:
         del tick
@@ -249,6 +255,7 @@ class Floor:
     abilities: Sequence[Ability] | None = None
     collect_after_s: float = 5.0
     askew: np.random.Generator | None = None
+    tray_places_n: int = 1
 
     def __post_init__(self) -> None:
         self.log = Log()
@@ -281,10 +288,7 @@ class Floor:
         self.routes = VisitRoutes(self.places, self.ways, self.bookings)
         self.services = Services(self.missions, self.graph, self.traffic, self.world)
         self.reasons = ReasonBook(self.log)
-        self.fitness = Fitness(
-            self.abilities
-            or [Ability(max_payload_kg=2.0, capabilities=frozenset({f"car_{car}"})) for car in range(self.n_cars)]
-        )
+        self.fitness = Fitness(self._abilities())
         self.open_deliveries = OpenDeliveries(self.board, self.fitness.kind_of)
         self.visit_queue = VisitQueue(self.missions, self.places, self.ways, self.reasons)
         self.backlog = Backlog(self.board, self.reasons, self._check)
@@ -299,6 +303,10 @@ class Floor:
             self.askew,
         )
         self.perception: Any = TruePoses(self.inventory)
+
+    def _abilities(self) -> Sequence[Ability]:
+        usual = [Ability(max_payload_kg=2.0, capabilities=frozenset({f"car_{car}"})) for car in range(self.n_cars)]
+        return self.abilities or usual
 
     def _check(self, task: Task) -> None:
         self.due_dates.check(task)
@@ -334,7 +342,21 @@ class Floor:
 
     @cached_property
     def docks(self) -> Docks:
-        return Docks(self.missions, self.ways, self.services, self.transfers, self.admission, self.inventory, self.log)
+        return Docks(
+            self.missions,
+            self.ways,
+            self.services,
+            self.transfers,
+            self.admission,
+            self.inventory,
+            self.aboard,
+            self.log,
+        )
+
+    @cached_property
+    def aboard(self) -> Aboard:
+        places_n = np.full(self.n_cars, self.tray_places_n)
+        return Aboard(self.missions, self.ways, self.slots, self.open_deliveries, self._abilities(), places_n, self.log)
 
     @cached_property
     def visits(self) -> Visits:

@@ -44,7 +44,7 @@ def test_a_file_says_what_sets_single_cars_apart(tmp_path: Path) -> None:
     ("text", "words"),
     [
         ("[cars.car_3]\n", "cars is 'car_3'; valid: car_0 to car_2"),
-        ("[cars.car_0]\nmodel = 3\n", f"cars.car_0.model is '3'; valid: {USUAL_MODEL}, hauler"),
+        ("[cars.car_0]\nmodel = 3\n", f"cars.car_0.model is '3'; valid: {', '.join(CARS)}, hauler"),
         ("[cars.car_0]\nmas = 3\n", "cars.car_0 is 'mas'; valid: model, capabilities, max_payload_kg"),
         ('[cars.car_0]\ncapabilities = "cold"\n', "cars.car_0.capabilities is 'cold'; valid: a list of texts"),
         ("[cars.car_0]\nmax_payload_kg = -1\n", "cars.car_0: max_payload_kg is -1.0; valid: a number > 0"),

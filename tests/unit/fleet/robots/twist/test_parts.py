@@ -9,11 +9,11 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
+from fleet.robots.differential import TwistLimits
 from fleet.robots.twist import TWIST_ROBOTS
 from fleet.robots.twist.a1 import JOINTS, TROT, a1_urdf
 from fleet.robots.twist.husky import ROLLERS, SKID, WHEELS, husky_spec, husky_urdf, wheel_places
 from fleet.robots.twist.inertial import InertialConfig, InertialEstimator
-from fleet.robots.twist.spec import TwistLimits
 from fleet.robots.twist.trot import LEGS, Trot, standing_angles, two_links
 
 TICK_S = 1 / 60

@@ -1,4 +1,4 @@
-"""SkidSteer: the command map of wheels that do not steer, from a speed and a yaw rate to two sides of wheels."""
+"""Differential: drives that are told a speed and a yaw rate: limits, response, and wheels that do not steer."""
 
 from __future__ import annotations
 
@@ -7,6 +7,40 @@ from dataclasses import dataclass
 import numpy as np
 
 from fleet.arrays import FloatArray
+
+
+@dataclass(frozen=True, kw_only=True)
+class TwistLimits:
+    """What a robot may be told.
+
+    Speed and yaw rate share what the outer wheels or feet can do: `|v| + lever_m |w| <= max_rim_mps`.
+    """
+
+    max_speed_mps: float
+    max_yaw_rate_radps: float
+    max_accel_mps2: float
+    max_brake_mps2: float
+    max_yaw_accel_radps2: float
+    max_rim_mps: float
+    """Greatest speed of a wheel's rim, or of a foot on the floor [m/s]."""
+    lever_m: float
+    """What a yaw rate of 1 rad/s adds to the rim speed of the outer wheels, or of the farthest foot [m]."""
+    max_lateral_mps2: float
+    """Greatest sideways acceleration in curves: wheels and feet slip beyond it."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TwistResponse:
+    """How a robot answers its commands; the kinematic model's parameters, fitted by ``python -m fleet robots fit``."""
+
+    speed_gain: float
+    """Speed for a command of 1 m/s, when it has settled."""
+    speed_lag_s: float
+    """Time in which the speed comes to within 37 % of its command, as long as no limit holds it back [s]."""
+    yaw_gain: float
+    """Yaw rate for a command of 1 rad/s, when it has settled."""
+    yaw_lag_s: float
+    """The same as `speed_lag_s`, of the yaw rate [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,3 +82,29 @@ class SkidSteer:
         twists = self.twists(rims)
         side = half * twists[:, 1]
         return np.stack((twists[:, 0] - side, twists[:, 0] + side), axis=1)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SkidChassis:
+    """How engines build and drive a robot on wheels that do not steer."""
+
+    description: str
+    """URDF text; its base frame is the reference point."""
+    rollers: tuple[str, str]
+    """Links that drive it, left and right; each spins in the joint ``<link>_spin``, forward where positive."""
+    supports: tuple[str, ...]
+    """Links that it leans on."""
+    radius_m: float
+    """Of the rollers."""
+    skid: SkidSteer
+    torque_nm: float
+    """Most torque of a side."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class DifferentialDrive:
+    """The drive of a car whose two sides of wheels turn it."""
+
+    limits: TwistLimits
+    response: TwistResponse
+    chassis: SkidChassis
