@@ -69,9 +69,13 @@ class ForeignVehicles:
         for car, state in enumerate(self.states):
             if state is None:
                 self._n_asked += 1
-                asked = {"actionType": "stateRequest", "actionId": f"state-{self._n_asked}", "blockingType": "NONE"}
-                body = {"actions": [asked | {"actionParameters": []}]}
-                self._link.send(self._post(car, "instantActions", body, now_s))
+                asked: dict[str, Any] = {
+                    "actionType": "stateRequest",
+                    "actionId": f"state-{self._n_asked}",
+                    "blockingType": "NONE",
+                    "actionParameters": [],
+                }
+                self._link.send(self._post(car, "instantActions", {"actions": [asked]}, now_s))
 
     def speak(self, now_s: float) -> None:
         """Send the orders that are due.
