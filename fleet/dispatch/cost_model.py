@@ -50,9 +50,10 @@ class CostMatrix:
     free_s: npt.NDArray[np.float64]
     """Time until it can, shape (n_cars,)."""
 
-    def offers(self, column: int) -> bool:
-        """Whether any car may have a task."""
-        return bool(self.cost_s[:, column].min(initial=np.inf) < np.inf)
+    @property
+    def wanted(self) -> npt.NDArray[np.bool_]:
+        """Whether any car may have each task, shape (n_tasks,)."""
+        return np.asarray((self.cost_s < np.inf).any(axis=0))
 
     def rows_for(self, columns: list[int]) -> npt.NDArray[np.intp]:
         """Rows of the cars that may have any of some tasks, ascending."""

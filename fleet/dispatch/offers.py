@@ -120,10 +120,9 @@ class Offers:
         rooms: dict[int, int] = {}
         offered: list[int] = []
         full: set[int] = set()
-        order = sorted(range(n), key=lambda k: (costs.tasks[k].order.rank, -costs.pressure_s[k], costs.tasks[k].index))
-        for k in order:
-            if not costs.offers(k):
-                continue
+        wanted = costs.wanted[:n].nonzero()[0].tolist()
+        wanted.sort(key=lambda k: (costs.tasks[k].order.rank, -costs.pressure_s[k], costs.tasks[k].index))
+        for k in wanted:
             task = costs.tasks[k]
             if task.visit is None or self._routes.take_room(task, rooms):
                 offered.append(k)

@@ -195,6 +195,7 @@ class CellPlanner:
         self._motions = known.motions
         self._retrieval = Retrieval(arm, known.motions, search, Margins(travel_m=MARGIN_M, line_m=LINE_MARGIN_M))
         self._via_tips: dict[int, FloatArray] = {}
+        self._crossings: Recent[FloatArray] = Recent(N_LAST_TRANSFERS)
         self._admissions: Recent[FloatArray] = Recent(N_LAST_TRANSFERS)
         self._descents: Recent[tuple[Trajectory, Trajectory]] = Recent(N_LAST_TRANSFERS)
         self._way_trees: dict[tuple[int, int, bool, Attempt], list[SearchTree]] = {}
@@ -443,21 +444,26 @@ class CellPlanner:
 
     def _admission(self, via: int, tip: FloatArray) -> FloatArray:
         """Straight lines from a via point to above a tip pose and down to it, shape (k, n)."""
+        above = tip.copy()
+        above[2, 3] = self._via_tip(via)[2, 3]
+
+        def across() -> FloatArray:
+            return self._reached(self._via(via), above)
 
         def found() -> FloatArray:
-            start = self._via(via)
-            above = tip.copy()
-            above[2, 3] = self._via_tip(via)[2, 3]
-            path = start[None]
-            for target in (above, tip):
-                line = self._straight(path[-1], target)
-                if line is None:
-                    x, y, z = np.round(target[:3, 3], 3)
-                    raise UnreachableError(f"no straight line to ({x}, {y}, {z}) in the arm's base frame")
-                path = np.concatenate((path, line[1:]))
-            return path
+            # Parcels on a slot differ in height only, so that the way to above them is the same.
+            path = self._crossings.of((via, above.tobytes()), across)
+            return np.concatenate((path, self._reached(path[-1], tip)[1:]))
 
         return self._admissions.of((via, tip.tobytes()), found)
+
+    def _reached(self, q: FloatArray, tip: FloatArray) -> FloatArray:
+        """The straight line to a tip pose, shape (k, n)."""
+        line = self._straight(q, tip)
+        if line is None:
+            x, y, z = np.round(tip[:3, 3], 3)
+            raise UnreachableError(f"no straight line to ({x}, {y}, {z}) in the arm's base frame")
+        return line
 
     def _straight(self, q: FloatArray, tip: FloatArray) -> FloatArray | None:
         line = self._motions.line(q, tip)

@@ -93,25 +93,40 @@ def interpolate(t: FloatArray, q: FloatArray, qd: FloatArray, time: float, state
         state[1, j] = (m0 + u * (2.0 * c2 + 3.0 * u * c3)) / dt
 
 
+@kernel
 def _cells(path: FloatArray, deviation: float) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Cut the rounded path into cells of constant curvature.
 
     Corners become quadratic Bezier arcs, parameterized so that dq/ds is continuous and d2q/ds2 constant on each arc.
     Returns the cells' parameter lengths (m,), start points (m, n), start tangents (m, n) and curvatures (m, n).
     """
-    step = np.diff(path, axis=0)
-    length = np.linalg.norm(step, axis=1)
-    unit = step / length[:, None]
-    bend = np.linalg.norm(np.diff(unit, axis=0), axis=1)
+    k, n = len(path) - 1, path.shape[1]
+    unit, length = path[1:] - path[:-1], np.empty(k)
+    for i in range(k):
+        length[i] = _norm(unit[i])
+        unit[i] /= length[i]
     # Half-length of the arc at each corner: it passes the corner at a distance of cut * bend / 4.
-    cut = np.zeros(len(path))
-    cut[1:-1] = np.minimum(0.5 * np.minimum(length[:-1], length[1:]), 4.0 * deviation / np.maximum(bend, 1e-9))
-    straight = length - cut[:-1] - cut[1:]
-    lines = np.where(straight > _SAME_RAD, np.maximum(_LINE_CELLS, np.ceil(straight / _CELL_RAD)), 0).astype(np.int64)
-    m, n = int(lines.sum()) + _BLEND_CELLS * (len(length) - 1), path.shape[1]
+    cut = np.zeros(k + 1)
+    for i in range(1, k):
+        bend = _norm(unit[i] - unit[i - 1])
+        cut[i] = min(0.5 * min(length[i - 1], length[i]), 4.0 * deviation / max(bend, 1e-9))
+    straight, lines = np.empty(k), np.zeros(k, dtype=np.int64)
+    for i in range(k):
+        straight[i] = length[i] - cut[i] - cut[i + 1]
+        if straight[i] > _SAME_RAD:
+            lines[i] = max(_LINE_CELLS, int(np.ceil(straight[i] / _CELL_RAD)))
+    m = lines.sum() + _BLEND_CELLS * (k - 1)
     size, point, tangent, curve = np.empty(m), np.empty((m, n)), np.empty((m, n)), np.empty((m, n))
     _fill_cells(path, unit, cut, straight, lines, size, point, tangent, curve)
     return size, point, tangent, curve
+
+
+@kernel
+def _norm(values: FloatArray) -> float:
+    square = 0.0
+    for value in values:
+        square += value * value
+    return float(np.sqrt(square))
 
 
 @kernel

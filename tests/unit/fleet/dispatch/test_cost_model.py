@@ -41,7 +41,7 @@ def test_a_task_costs_the_way_to_it() -> None:
     costs = priced(Floor(orders=[delivery("a"), delivery("b", "pick_2", "drop_2")]), "a", "b")
     assert costs.cost_s == pytest.approx(np.array([[5.5, 8.8], [11.0, 7.7]]))
     assert costs.pressure_s.tolist() == [0.0, 0.0]
-    assert costs.offers(0)
+    assert costs.wanted[0]
 
 
 def test_a_tenth_of_its_age_comes_off() -> None:
@@ -105,7 +105,7 @@ def test_a_car_without_a_way_takes_nothing_and_nobody_a_task_without_a_way_on() 
     floor.block(floor.places.cells[2])
     costs = priced(floor, "a")
     assert verdicts(costs) == [PairReason.NO_WAY] * 2
-    assert not costs.offers(0)
+    assert not costs.wanted[0]
 
 
 def test_a_car_must_carry_the_weight_and_have_what_is_needed() -> None:
