@@ -60,6 +60,7 @@ FAMILIES = [
                 "model",
                 "pursuit",
                 "spec",
+                "speed_ramp",
                 "standing",
                 "tools",
                 "tray",
