@@ -62,6 +62,7 @@ FAMILIES = [
                 "model",
                 "pursuit",
                 "spec",
+                "speed_ramp",
                 "standing",
                 "tools",
                 "tray",
