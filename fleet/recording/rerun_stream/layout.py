@@ -174,7 +174,7 @@ def _lanes(name: str, *kinds: str) -> rrb.StateTimelineView:
 
 
 def _plots(titles: Sequence[str], more: Sequence[rrb.View]) -> list[rrb.View]:
-    origins = {"States": "/counts"} | {title: f"/metrics/{title}" for title in titles}
+    origins = {"States": "/counts"} | {title.capitalize(): f"/metrics/{title}" for title in titles}
     if not titles:
         origins["Metrics"] = "/metrics"
     return [

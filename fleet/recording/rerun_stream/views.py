@@ -25,7 +25,7 @@ _FRUSTUM_M = 0.25
 """Size in which a camera is drawn [m]."""
 EYE = "world/eye"
 """A camera before the arm at work, which a view looks through."""
-_IDLE = "idle"
+_RESTS = ("idle", "awaiting")
 """What an arm does that is not at work."""
 
 
@@ -66,7 +66,7 @@ class EyeAtWork:
             if words is self._words:
                 continue
             begins, self._words = self._words is None, words
-            works = [arm for arm, word in enumerate(words) if word != _IDLE]
+            works = [arm for arm, word in enumerate(words) if word not in _RESTS]
             if begins or (works and self._arm not in works):
                 self._arm = works[0] if works else self._arm
                 set_time(self._rec, frame)
