@@ -278,6 +278,8 @@ def _choose(words: list[str], prog: str) -> tuple[Command, str, list[str]]:
         table, name = GROUPS[group][1], f"{prog} {group}"
     if not words or words[0] in ("-h", "--help"):
         _list(name, table)
+    if words[0] in ("-V", "--version"):
+        _tell_version()
     if words[0] not in table:
         valid = ", ".join([*table, *(GROUPS if table is COMMANDS else [])])
         _fail(name, f"unknown command {words[0]!r}{hint(words[0], valid.split(', '))}; valid: {valid}")
@@ -297,11 +299,25 @@ def _read(chosen: Command, name: str, words: list[str]) -> Any:
         _fail(name, str(error))
 
 
+def _tell_version() -> NoReturn:
+    """What a citation or a question about an installation names."""
+    from importlib import metadata
+
+    try:
+        version = metadata.version("fleet")
+    except metadata.PackageNotFoundError:
+        version = "that is not installed"  # its source, with another Python than that of `make setup`
+    place, python = Path(__file__).resolve().parents[2], f"Python {sys.version_info.major}.{sys.version_info.minor}"
+    print(f"fleet {version} in {place}, {python}")  # noqa: T201
+    sys.exit(0)
+
+
 def _list(prog: str, table: dict[str, Command]) -> NoReturn:
     lines = [f"usage: {prog} COMMAND [options]", "", "commands:"]
     lines += [f"  {name:10s} {command.summary}" for name, command in table.items()]
     if table is COMMANDS:
         lines += [f"  {word:10s} {what}" for word, (what, _) in GROUPS.items()]
     lines += ["", f"`{prog} COMMAND --help` shows a command's options."]
+    lines += [f"`{prog} --version` tells which version this is, and where."] if table is COMMANDS else []
     print("\n".join(lines))  # noqa: T201
     sys.exit(0)

@@ -213,7 +213,7 @@ def exit_status(console: Console, result: Result, duration_s: float) -> int:
     n_open = result.tasks_total - result.tasks_done - result.tasks_failed - result.tasks_cancelled
     timely = result.sim_s >= duration_s
     if n_open:
-        why = "the time was up" if timely else "nothing went on any more"
+        why = "the time was up" if timely else "the run came to a standstill"
         console.print(f"{n_open} tasks were left open: {why}")
     return TASKS_FAILED if result.tasks_failed or (n_open and not timely) else ALL_DONE
 

@@ -16,7 +16,7 @@ from fleet.recording.errors import RecordingError
 from fleet.recording.rerun_cli import quiet_environment, rerun_program
 
 if TYPE_CHECKING:
-    from rerun.experimental import ViewerClient
+    from rerun.experimental import ViewerClient, ViewerState
 
 T = TypeVar("T")
 _PACKAGES = "mesa-vulkan-drivers libvulkan1 libgl1 libegl1"
@@ -24,6 +24,7 @@ _START_S = 20.0
 """Wall time given to the viewer to answer [s]."""
 _LOAD_S = 120.0
 """Wall time given to it to read the recording [s]."""
+_TIMELINE = "sim_time"
 _ALIKE = 3
 """Paintings in a row that are alike when nothing loads any more: meshes, plots and labels come one after the other."""
 _MOST_PAINTED = 20
@@ -56,7 +57,7 @@ def screenshot(
         Complaints of the viewer, none if all is well.
 
     Raises:
-        RecordingError: The file or view is missing, or the viewer does not run here.
+        RecordingError: The file or view is missing, the time is after its end, or the viewer does not run here.
 
     Source: the viewer paints on demand when headless and takes `--screenshot-to` before views have loaded, hence
         the client and the repeated painting.
@@ -72,7 +73,8 @@ def screenshot(
                 raise RecordingError(f"the viewer did not load {rrd} within {_LOAD_S:.0f} s")
             time.sleep(0.1)
         if time_s is not None:
-            patiently(lambda: client.set_time("sim_time", duration=time_s, play_state="paused"))
+            _require_moment(time_s, patiently(client.get_state), rrd)
+            patiently(lambda: client.set_time(_TIMELINE, duration=time_s, play_state="paused"))
         picture = _settled(lambda: patiently(client.take_screenshot))
         state = patiently(client.get_state)
         ids = {v.name: v.view_id for v in state.views}
@@ -84,6 +86,14 @@ def screenshot(
         complaints = [f"{v.name}: {r.severity}: {r.summary}" for v in state.views for r in v.reports]
         complaints += [f"{e.level}: {e.message}" for e in client.get_logs() if e.level == "ERROR"]
         return tuple(complaints)
+
+
+def _require_moment(time_s: float, state: ViewerState, rrd: Path) -> None:
+    """Refuse a time at which a recording has nothing any more."""
+    lines = [line for recording in state.recordings for line in recording.timelines if line.name == _TIMELINE]
+    last_s = max((line.end for line in lines if line.end is not None), default=0) * 1e-9
+    if time_s > last_s:
+        raise RecordingError(f"time {time_s:g} s is not in {rrd}; valid: a number from 0 to {last_s:.2f}")
 
 
 def _settled(paint: Callable[[], bytes]) -> bytes:

@@ -14,7 +14,7 @@ from fleet.recording.check import repaired
 from fleet.recording.errors import RecordingError
 from fleet.recording.rerun_stream.coordination import CONGESTION
 from fleet.recording.rerun_stream.scenery import CAMERA, PIXELS_PER_M
-from fleet.recording.rerun_stream.views import VIEWS
+from fleet.recording.rerun_stream.views import EYE, VIEWS
 
 ROOTS = ("a", "b")
 _MARGIN_M = 0.6
@@ -84,7 +84,10 @@ def _layout(titles: Sequence[str], size_m: tuple[float, float]) -> rrb.Blueprint
         above = rrb.Spatial2DView(
             origin=f"/{root}/{CAMERA}",
             name=title,
-            contents=[f"/{root}/world/**", f"- /{root}/{VIEWS}/**", f"- /{root}/{CONGESTION}/**"],
+            contents=[
+                f"/{root}/world/**",
+                *(f"- /{root}/{path}" for path in (EYE, f"{VIEWS}/**", f"{CONGESTION}/**")),
+            ],
             visual_bounds=rrb.VisualBounds2D(
                 x_range=(-_MARGIN_M * PIXELS_PER_M, (width + _MARGIN_M) * PIXELS_PER_M),
                 y_range=(-_MARGIN_M * PIXELS_PER_M, (depth + _MARGIN_M) * PIXELS_PER_M),

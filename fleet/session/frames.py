@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -11,12 +12,14 @@ from fleet.config import Perception
 from fleet.insight.causes import NONE, OWN, Cause, Column
 from fleet.insight.explain import Explainer
 from fleet.insight.figures import Figures
+from fleet.insight.time_accounts import Account
 from fleet.missions.phases import PHASES, CarPhase
 from fleet.recording import DrawnFloor, Frame, Header, LogLine, Recorder, RerunRecorder, Wait, versions
 from fleet.run.events import Event
 from fleet.run.view import RunView
 from fleet.sensors.lidar import Lidar, LidarRing
 from fleet.session.delays import DelayWatch, delay_names
+from fleet.stations.arms.arm_controller import ArmPhase
 from fleet.tasks.board import DONE_STATES, UNDER_WAY, TaskState
 
 COUNTED = {
@@ -84,6 +87,20 @@ _COUNTS_S = 4.0
 """Between counts of tasks that have not changed [s]."""
 _CONGESTION_S = 5.0
 """Between heat maps [s]."""
+
+
+def words_of_arms(phases: Sequence[ArmPhase], causes: npt.NDArray[np.int32]) -> tuple[str, ...]:
+    """What arms do, in the words of the time accounts: one whose car is on its way is not idle.
+
+    Args:
+        phases: What each arm is about.
+        causes: What keeps each, shape (n_arms,).
+    """
+    waits = (causes == Cause.AWAITS).tolist()
+    return tuple(
+        Account.AWAITING.name.lower() if awaits and phase is ArmPhase.IDLE else phase
+        for phase, awaits in zip(phases, waits, strict=True)
+    )
 
 
 def open_recorder(
@@ -238,7 +255,8 @@ class Watch:
         if (codes != self._codes).any():
             self._codes = codes
             self._car_words = tuple(_WORDS[code] for code in codes.tolist())
-        arms = tuple(service.state for service in self._run.arm_manager.services)
+        phases = [service.state for service in self._run.arm_manager.services]
+        arms = words_of_arms(phases, self._figures.causes.rows[len(codes) :, Column.CAUSE])
         if arms != self._arm_words:
             self._arm_words = arms
         frame.car_state, frame.arm_state = self._car_words, self._arm_words

@@ -1,4 +1,4 @@
-"""The viewer in a browser: headless Chromium, painting in software, comes to show what is served."""
+"""The viewer in a browser: headless Chromium, painting in software, comes to show a run that is served."""
 
 from __future__ import annotations
 
@@ -23,6 +23,7 @@ from PIL import Image
 from fleet.recording import Header, RerunRecorder
 from fleet.recording.rerun_cli import quiet_environment, rerun_program
 from tests.unit.fleet.recording.conftest import made_up_frames, made_up_scene
+from tests.unit.fleet.recording.test_rerun_recorder import free_port
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 MOST_S = 400.0
@@ -86,25 +87,20 @@ class Browser:
 
 
 @contextmanager
-def served(recording: Path) -> Iterator[str]:
-    """The viewer as a page on the loopback interface; its address."""
-    ports = []
-    for _ in range(2):
-        with socket.socket() as probe:
-            probe.bind(("127.0.0.1", 0))
-            ports.append(probe.getsockname()[1])
-    words = ["--serve-web", "--bind", "127.0.0.1", "--port", str(ports[0]), "--web-viewer-port", str(ports[1])]
+def served(uri: str) -> Iterator[str]:
+    """The viewer as a page on the loopback interface, for a run that is served elsewhere; its address."""
+    port = free_port()
+    words = ["--serve-web", "--bind", "127.0.0.1", "--web-viewer-port", str(port)]
     with quiet_environment() as environment:
         process = subprocess.Popen(
-            [rerun_program(), *words, str(recording)],
+            [rerun_program(), *words, uri],
             env=environment,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
         )
         try:
-            source = quote(f"rerun+http://127.0.0.1:{ports[0]}/proxy", safe="")
-            wait_for_port(ports[1])
-            yield f"http://127.0.0.1:{ports[1]}?url={source}"
+            wait_for_port(port)
+            yield f"http://127.0.0.1:{port}?url={quote(uri, safe='')}"
         finally:
             process.terminate()
             process.wait(30.0)
@@ -130,22 +126,22 @@ def share_of_orange(picture: Image.Image) -> float:
 
 @pytest.mark.slow
 @pytest.mark.skipif(CHROMIUM is None, reason="needs chromium (Debian, Ubuntu: apt-get install chromium)")
-def test_the_browser_shows_the_recording(tmp_path: Path) -> None:
+def test_the_browser_shows_a_run_that_is_served(tmp_path: Path) -> None:
     scene, floor = made_up_scene(3, 4, (16.0, 12.0))
-    path = tmp_path / "a.rrd"
-    with RerunRecorder(path, Header(scene=scene, floor=floor, about={}), tick_s=1 / 60) as recorder:
+    header = Header(scene=scene, floor=floor, about={})
+    with RerunRecorder(tmp_path / "a.rrd", header, tick_s=1 / 60, port=free_port()) as recorder:
         for frame in made_up_frames(scene, 30):
             recorder.record(frame)
-    with served(path) as url:
-        browser = Browser(tmp_path / "profile", url)
-        try:
-            end_s, seen = time.monotonic() + MOST_S, 0.0
-            while seen < LEAST and time.monotonic() < end_s:
-                time.sleep(2.0)
-                picture = browser.picture()
-                picture.save(tmp_path / "seen.png")
-                seen = share_of_orange(picture)
-            assert seen >= LEAST, f"no arms in {tmp_path / 'seen.png'}"
-            assert len(picture.getcolors(picture.width * picture.height) or []) > 500  # no blank page
-        finally:
-            browser.close()
+        with served(recorder.uri) as url:
+            browser = Browser(tmp_path / "profile", url)
+            try:
+                end_s, seen = time.monotonic() + MOST_S, 0.0
+                while seen < LEAST and time.monotonic() < end_s:
+                    time.sleep(2.0)
+                    picture = browser.picture()
+                    picture.save(tmp_path / "seen.png")
+                    seen = share_of_orange(picture)
+                assert seen >= LEAST, f"no arms in {tmp_path / 'seen.png'}"
+                assert len(picture.getcolors(picture.width * picture.height) or []) > 500  # no blank page
+            finally:
+                browser.close()

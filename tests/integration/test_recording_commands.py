@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -39,7 +40,12 @@ def test_what_has_no_recording_is_refused_by_name(
 
 @pytest.mark.parametrize(
     ("words", "known"),
-    [(["--size", "3"], "WIDTHxHEIGHT"), (["--size", "0x9"], "WIDTHxHEIGHT"), (["--at", "-1"], "a number >= 0")],
+    [
+        (["--size", "3"], "WIDTHxHEIGHT"),
+        (["--size", "0x9"], "WIDTHxHEIGHT"),
+        (["--at", "-1"], "a number >= 0"),
+        (["--at", "inf"], "a number >= 0"),
+    ],
 )
 def test_bad_options_of_a_picture_are_one_line(
     words: list[str], known: str, run: Path, capsys: pytest.CaptureFixture[str]
@@ -86,3 +92,11 @@ def test_the_installed_command_calls_itself_fleet(
         main()
     assert end.value.code == 2
     assert capsys.readouterr().err.startswith("fleet: unknown command 'nonsense'")
+
+
+def test_the_version_is_told(capsys: pytest.CaptureFixture[str], repository: Path) -> None:
+    """Whoever cites the project or asks about an installation needs it."""
+    version = tomllib.loads((repository / "pyproject.toml").read_text(encoding="utf-8"))["project"]["version"]
+    status, out, err = said(["--version"], capsys)
+    assert (status, err) == (0, "")
+    assert out.startswith(f"fleet {version} in {repository}, Python 3.")

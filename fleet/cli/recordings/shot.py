@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import sys
 from dataclasses import dataclass
@@ -40,7 +41,7 @@ class Shot:
         width, height = parse_size(self.size) or (0, 0)
         fits = 0 < width <= MOST_PX and 0 < height <= MOST_PX
         require(fits, "--size", self.size, f"WIDTHxHEIGHT, each from 1 to {MOST_PX}")
-        require(self.at is None or self.at >= 0.0, "--at", self.at, "a number >= 0")
+        require(self.at is None or 0.0 <= self.at < math.inf, "--at", self.at, "a number >= 0")
         path = recording_of(self.folder)
         folder = self.png.parent
         writable = folder.is_dir() and os.access(folder, os.W_OK) and not self.png.is_dir()

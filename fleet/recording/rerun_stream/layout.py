@@ -16,10 +16,10 @@ from fleet.recording.rerun_stream.bodies import CAR_BODIES
 from fleet.recording.rerun_stream.coordination import CONGESTION, PRIORITIES, WAITS
 from fleet.recording.rerun_stream.lanes import FEW_ROBOTS, STATES, car_paths
 from fleet.recording.rerun_stream.scenery import CAMERA, LABELS, PIXELS_PER_M
-from fleet.recording.rerun_stream.views import VIEWS
+from fleet.recording.rerun_stream.views import EYE, VIEWS, close_up
 from fleet.world.scene import Scene
 
-_FLAT = (CAMERA, f"{VIEWS}/**", f"{CONGESTION}/**")
+_FLAT = (CAMERA, EYE, f"{VIEWS}/**", f"{CONGESTION}/**")
 """What is not for views in three dimensions."""
 CLOSE_UPS = 6
 """So many stations are shown close up, each in a tab: more tabs would leave no room for their names."""
@@ -54,7 +54,7 @@ def layout(
     names = {} if few else {f"/{CAR_BODIES}": [rr.Mesh3D.from_fields(), rr.Boxes3D.from_fields(show_labels=False)]}
     hidden = _FLAT if few else (LABELS, *_FLAT)
     site = _eye_view(f"Site {floor.name}", *_overview(scene.size_m, 2.0), hidden=hidden, overrides=names)
-    above = _from_above("From above", scene, ["/world/**", f"- /{VIEWS}/**", f"- /{CONGESTION}/**"])
+    above = _from_above("From above", scene, ["/world/**", f"- /{EYE}", f"- /{VIEWS}/**", f"- /{CONGESTION}/**"])
     congestion = _from_above(
         "Stood: orange traffic, violet station, red blocked",
         scene,
@@ -62,9 +62,11 @@ def layout(
         margin=0.0,
     )
     close: list[rrb.View | rrb.Grid] = []
+    if len(scene.arm_base):
+        close.append(_at_work(scene))
     for arm, base in enumerate(scene.arm_base[:CLOSE_UPS]):
         name = floor.station_names[arm] if floor.station_names else f"arm_{arm}"
-        close.append(_eye_view(name, *_closeup(base), hidden=(LABELS, *_FLAT)))
+        close.append(_eye_view(name, *close_up(base), hidden=(LABELS, *_FLAT)))
     if cameras and close:
         close += _camera_views(scene, cameras)
     why = rrb.TextDocumentView(origin=f"/{WAITS}", name="Why robots wait")
@@ -155,7 +157,7 @@ def _camera_views(scene: Scene, cameras: Sequence[str]) -> list[rrb.View | rrb.G
         )
         for title, word in (("Cameras", "rgb"), ("Depths", "depth"))
     ]
-    eye, target = _closeup(scene.arm_base[0])
+    eye, target = close_up(scene.arm_base[0])
     cloud = _eye_view("Points seen", eye, target, hidden=(LABELS, CAMERA, f"{CONGESTION}/**", "world/parcels"))
     return [*grids, cloud]
 
@@ -172,7 +174,7 @@ def _lanes(name: str, *kinds: str) -> rrb.StateTimelineView:
 
 
 def _plots(titles: Sequence[str], more: Sequence[rrb.View]) -> list[rrb.View]:
-    origins = {"States": "/counts"} | {title: f"/metrics/{title}" for title in titles}
+    origins = {"States": "/counts"} | {title.capitalize(): f"/metrics/{title}" for title in titles}
     if not titles:
         origins["Metrics"] = "/metrics"
     return [
@@ -207,6 +209,14 @@ def _eye_view(
     )
 
 
+def _at_work(scene: Scene) -> rrb.Spatial3DView:
+    """The arm at work, as the eye before it sees it."""
+    shown = tuple(path for path in _FLAT if path != EYE)  # the viewer follows what is in the view only
+    view = _eye_view("At work", *close_up(scene.arm_base[0]), hidden=(LABELS, *shown))
+    view.properties["EyeControls3D"] = rrb.EyeControls3D(tracking_entity=f"/{EYE}")
+    return view
+
+
 def _overview(size_m: tuple[float, float], aspect: float) -> tuple[FloatArray, FloatArray]:
     """Nearest eye south of the floor that sees all of it in a view of the given aspect, and its target.
 
@@ -223,14 +233,3 @@ def _overview(size_m: tuple[float, float], aspect: float) -> tuple[FloatArray, F
     distance = max((below + above) / (2 * t), np.max(b + np.abs(corners[:, 0]) / (t * aspect)))
     target = centre + (below - above) / 2 * up
     return target + 1.03 * distance * back, target
-
-
-def _closeup(base: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Eye across the lane from an arm, and a target between arm and tray."""
-    x, y, z, yaw = base
-    cos, sin = math.cos(yaw), math.sin(yaw)
-
-    def at(ahead: float, aside: float, height: float) -> FloatArray:
-        return np.array([x + cos * ahead - sin * aside, y + sin * ahead + cos * aside, z + height])
-
-    return at(2.1, 1.3, 1.55), at(0.25, 0.0, 0.4)

@@ -21,7 +21,7 @@ from fleet.recording.rerun_stream.lanes import StateLanes
 from fleet.recording.rerun_stream.layout import layout
 from fleet.recording.rerun_stream.scenery import log_scenery
 from fleet.recording.rerun_stream.trees import write_trees
-from fleet.recording.rerun_stream.views import VIEWS, log_camera, log_image
+from fleet.recording.rerun_stream.views import VIEWS, EyeAtWork, log_camera, log_image
 
 _FLUSH_TICK_S = 60.0
 """Period at which rerun would write to its sinks by itself [s]: every batch is flushed when it is complete."""
@@ -65,6 +65,7 @@ class Stream:
         )
         self._chunks = Chunks(self._rec)
         self._bodies = DrawnBodies(self._rec, self._chunks, scene)
+        self._eye = EyeAtWork(self._rec, scene)
         self._coordination = Coordination(self._rec, self._chunks, scene, floor)
         self._lanes = StateLanes(self._rec, self._chunks, len(scene.car_start) + len(scene.arm_base))
         for name in ("granted", "planned"):
@@ -82,6 +83,7 @@ class Stream:
         """Append frames and log lines, both ascending in time."""
         if frames:
             self._bodies.write(frames)
+            self._eye.write(frames)
             self._coordination.write(frames)
             self._write_scalars(frames)
             self._write_paths(frames)
