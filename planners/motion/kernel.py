@@ -20,15 +20,6 @@ def kernel(function: Kernel) -> Kernel:
     return _compiled(function)
 
 
-def inner(function: Kernel) -> Kernel:
-    """Compile a function that only other kernels call: a call from Python would crash the process.
-
-    Numba writes a second function for each kernel, which takes its arguments from Python. For a bundle of fifty arrays
-    that takes longer to compile than the kernel.
-    """
-    return _compiled(function, no_cpython_wrapper=True)
-
-
 def inlined(function: Kernel) -> Kernel:
     """Put a function's body where it is called: for those that are a line or two, or would have much handed to them."""
     return _compiled(function, inline="always")
@@ -43,7 +34,11 @@ def borrowing(function: Kernel) -> Kernel:
 
 
 def inner_borrowing(function: Kernel) -> Kernel:
-    """Compile a function that is both `inner` and `borrowing`; what it calls must make no array either."""
+    """Compile a `borrowing` function that only other kernels call: a call from Python would crash the process.
+
+    What it calls must make no array either. Numba writes a second function for each kernel, which takes its arguments
+    from Python. For a bundle of fifty arrays that takes longer to compile than the kernel.
+    """
     return _compiled(function, no_cpython_wrapper=True, _nrt=False)
 
 
