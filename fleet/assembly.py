@@ -207,10 +207,10 @@ def assemble(
     allocation = parts.allocation(missions, cost_model, solver, offers, turns, horizon, reasons)
     tray_of = scene.cars.tray_of
     transfers = Transfers(inventory, perception, arm_manager, driver, world, tray_of)
-    n_places = [len(kind.tray_places) if config.allocation.fill_trays else 1 for kind in scene.cars.kinds]
-    places_n = np.array(n_places, dtype=np.int64)[scene.cars.kind_of]
-    aboard = Aboard(missions, ways, slots, open_deliveries, abilities, places_n, log)
-    docks = Docks(missions, ways, services, transfers, admission, inventory, aboard, log)
+    per_kind = [len(kind.tray_places) if config.allocation.fill_trays else 1 for kind in scene.cars.kinds]
+    n_places = np.array(per_kind, dtype=np.int64)[scene.cars.kind_of]
+    aboard = Aboard(missions, ways, slots, open_deliveries, abilities, n_places, log)
+    docks = Docks(missions, ways, services, transfers, admission, aboard, log)
     visits = Visits(missions, places, routes, ways, charging, world, log)
     fastest_move_s = site.grid.cell_m / scene.cars.most("max_speed_mps")
     rules = DispatchRules(

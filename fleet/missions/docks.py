@@ -6,7 +6,6 @@ from collections.abc import Callable
 
 from fleet.missions.admission import Admission
 from fleet.missions.parcels.aboard import Aboard
-from fleet.missions.parcels.inventory import Inventory
 from fleet.missions.parcels.transfer_requests import Transfers
 from fleet.missions.phases import AT_DOCK, GONE, CarPhase
 from fleet.missions.services import Services
@@ -28,9 +27,8 @@ class Docks:
         missions: What cars and stations are about.
         ways: Tells which cars have come.
         services: Begins and ends services.
-        transfers: Asks arms.
+        transfers: Asks arms, and tells where parcels really are.
         admission: Sends loaded cars on.
-        inventory: Tells where parcels really are.
         aboard: What cars take beside what they came for.
         log: Called as ``log(kind, **facts)`` when a transfer is repeated.
     """
@@ -42,7 +40,6 @@ class Docks:
         services: Services,
         transfers: Transfers,
         admission: Admission,
-        inventory: Inventory,
         aboard: Aboard,
         log: Callable[..., None],
     ) -> None:
@@ -52,7 +49,7 @@ class Docks:
         self._transfers = transfers
         self._arms = transfers.arm_manager
         self._admission = admission
-        self._inventory = inventory
+        self._inventory = transfers.inventory
         self._aboard = aboard
         self._log = log
 

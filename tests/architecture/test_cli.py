@@ -141,6 +141,7 @@ def test_every_option_of_the_demo_takes_another_value() -> None:
         "--rate",
         "60",
         "--battery",
+        "--one-parcel",
         "--bridge",
         "127.0.0.1:0",
         "--trust",

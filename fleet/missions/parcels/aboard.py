@@ -18,7 +18,7 @@ from planners.mapf.distance_table import UNREACHABLE
 
 N_LOOKED_AT = 20
 """Open deliveries of a station that are looked at, the most urgent first."""
-DETOUR_N = 8
+N_DETOUR = 8
 """Moves by which the way to a drop station may be longer because of the one before it."""
 
 
@@ -26,7 +26,7 @@ class Aboard:
     """Which parcels cars take beside the one that they came for, and in which order they are brought away.
 
     A car that has been loaded takes another delivery that begins at the same station, if its tray has a place, all of
-    it is not too heavy for it, and one of both drop stations lies nearly on the way to the other one: `DETOUR_N`. It
+    it is not too heavy for it, and one of both drop stations lies nearly on the way to the other one: `N_DETOUR`. It
     brings away what it carries nearest first.
 
     Args:
@@ -35,7 +35,7 @@ class Aboard:
         slots: Puts parcels on racks.
         open_deliveries: What no car has yet.
         abilities: What each car can do.
-        places_n: Places in each car's tray, shape (n_cars,).
+        n_places: Places in each car's tray, shape (n_cars,).
         log: Called as ``log(kind, **facts)`` when a car takes one more.
     """
 
@@ -46,7 +46,7 @@ class Aboard:
         slots: Slots,
         open_deliveries: OpenDeliveries,
         abilities: Sequence[Ability],
-        places_n: IntArray,
+        n_places: IntArray,
         log: Callable[..., None],
     ) -> None:
         self._missions = missions
@@ -54,9 +54,9 @@ class Aboard:
         self._slots = slots
         self._open = open_deliveries
         self._abilities = abilities
-        self._places_n = places_n
+        self._n_places = n_places
         self._log = log
-        self.any = bool((places_n > 1).any())
+        self.any = bool((n_places > 1).any())
         """Whether any car has room for several."""
 
     def take_more(self, station: Station, car: int, now_s: float) -> Task | None:
@@ -69,7 +69,7 @@ class Aboard:
         """
         missions = self._missions
         had = missions.task_of[car]
-        if had is None or car in missions.leaving or len(missions.aboard[car]) + 1 >= self._places_n[car]:
+        if had is None or car in missions.leaving or len(missions.aboard[car]) + 1 >= self._n_places[car]:
             return None
         carried = [had, *missions.aboard[car]]
         for task in islice(self._open.urgent(station.name), N_LOOKED_AT):
@@ -112,8 +112,8 @@ class Aboard:
         ways = self._ways
         there, back = ways.between(first, second), ways.between(second, first)
         return (
-            ways.between(begin, first) + there <= ways.between(begin, second) + DETOUR_N
-            or ways.between(begin, second) + back <= ways.between(begin, first) + DETOUR_N
+            ways.between(begin, first) + there <= ways.between(begin, second) + N_DETOUR
+            or ways.between(begin, second) + back <= ways.between(begin, first) + N_DETOUR
         )
 
     def _to_drop(self, car: int, task: Task) -> int:

@@ -38,7 +38,7 @@ class Transfers:
         tray_of: IntArray | None = None,
     ) -> None:
         self.arm_manager = arm_manager
-        self._inventory = inventory
+        self.inventory = inventory
         self._perception = perception
         self._driver = driver
         self._world = world
@@ -65,7 +65,7 @@ class Transfers:
             raise AssertionError("a task in service has a slot")
         attempt = self._attempts[task.index] = self._attempts.get(task.index, 0) + 1
         pick_via = slot if loading else TRAY
-        at_source = self._inventory.on_slot(task, slot, station) if loading else self._inventory.in_tray(task, car)
+        at_source = self.inventory.on_slot(task, slot, station) if loading else self.inventory.in_tray(task, car)
         fetched = bool(self._world.held()[station.arm] == task.parcel)
         # What the usual way did not get twice is gripped as it lies, on whatever face.
         if not fetched and (not at_source or attempt == MAX_ATTEMPTS):
@@ -84,7 +84,7 @@ class Transfers:
                 place_via=TRAY if loading else slot,
                 car_pose=self._driver.estimate[car].copy(),
                 tray=self.tray_of(car),
-                tray_at_m=self._inventory.free_place(car) if loading else (0.0, 0.0),
+                tray_at_m=self.inventory.free_place(car) if loading else (0.0, 0.0),
             ),
             tick,
         )

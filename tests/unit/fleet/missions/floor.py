@@ -255,7 +255,7 @@ class Floor:
     abilities: Sequence[Ability] | None = None
     collect_after_s: float = 5.0
     askew: np.random.Generator | None = None
-    tray_places_n: int = 1
+    n_tray_places: int = 1
 
     def __post_init__(self) -> None:
         self.log = Log()
@@ -348,15 +348,14 @@ class Floor:
             self.services,
             self.transfers,
             self.admission,
-            self.inventory,
             self.aboard,
             self.log,
         )
 
     @cached_property
     def aboard(self) -> Aboard:
-        places_n = np.full(self.n_cars, self.tray_places_n)
-        return Aboard(self.missions, self.ways, self.slots, self.open_deliveries, self._abilities(), places_n, self.log)
+        n_places = np.full(self.n_cars, self.n_tray_places)
+        return Aboard(self.missions, self.ways, self.slots, self.open_deliveries, self._abilities(), n_places, self.log)
 
     @cached_property
     def visits(self) -> Visits:

@@ -13,9 +13,9 @@ PICK, DROP = 0, 2
 """Arms of pick_1 and drop_1."""
 
 
-def loaded(*orders: object, places_n: int = 3, **own: object) -> tuple[Floor, Task]:
+def loaded(*orders: object, n_places: int = 3, **own: object) -> tuple[Floor, Task]:
     """Car 0 stands at pick_1 with the parcel of `a` in its tray, and other orders are known."""
-    floor = Floor(orders=[delivery("a"), *orders], tray_places_n=places_n, **own)  # type: ignore[arg-type]
+    floor = Floor(orders=[delivery("a"), *orders], n_tray_places=n_places, **own)  # type: ignore[arg-type]
     task = floor.assigned("a", car=0)
     for order in orders:
         floor.ready(order.name)  # type: ignore[attr-defined]
@@ -75,7 +75,7 @@ def test_what_goes_to_the_same_station_is_unloaded_at_one_stop_and_the_car_is_fr
 @pytest.mark.parametrize(
     ("order", "own"),
     [
-        (delivery("b"), {"places_n": 1}),
+        (delivery("b"), {"n_places": 1}),
         (delivery("b", mass_kg=1.8), {}),
         (delivery("b", pick="pick_2"), {}),
         (delivery("b", needs=("cold",)), {}),
