@@ -96,7 +96,7 @@ class ForeignVehicles:
             if state is None:
                 self._n_asked += 1
                 asked = {"actionType": "stateRequest", "actionId": f"state-{self._n_asked}", "blockingType": "NONE"}
-                body = {"actions": [asked | {"actionParameters": []}]}
+                body: Body = {"actions": [asked | {"actionParameters": []}]}
                 self._link.send(self._post(car, "instantActions", body, now_s))
 
     def speak(self, now_s: float) -> None:
