@@ -67,6 +67,11 @@ BROKEN: list[tuple[str, Change, list[str]]] = [
         ["vehicleTypeEdgeProperties is 7", "tuple"],
     ),
     ("lif", changed((*_LAYOUT, "stations", 0, "interactionNodeIds"), ["x"]), ["station 'pick_1' is at 'x'"]),
+    (
+        "lif",
+        changed((*_LAYOUT, "stations", 0, "interactionNodeIds"), ["r1_c1_west", "ghost"]),
+        ["station 'pick_1' is at 'ghost'; valid: a node, one of"],
+    ),
     ("lif", changed((*_LAYOUT, "stations"), []), ["no pick dock"]),
     ("opentcs", lambda text: text.replace("</model>", ""), ["line ", "is no XML", "valid: a plant model of openTCS"]),
     ("opentcs", lambda text: "<plant/>", ["the root is <plant>; valid: a plant model"]),

@@ -83,6 +83,8 @@ class CommandedCar:
     def tick(self, tick: int, now_s: float) -> None:
         """Hear what has come, go on, and say what has changed."""
         if self.link.n_sessions != self._sessions:
+            if self._sessions:
+                self._note("connection", "broker", "it was gone, and a connection has been made again")
             self._sessions = self.link.n_sessions
             self.vehicle.came_online()
         for topic, payload in self.link.received():

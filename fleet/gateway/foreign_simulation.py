@@ -17,7 +17,7 @@ from fleet.gateway.foreign_vehicles import ForeignVehicles
 from fleet.gateway.node_map import DEVIATION_M, DEVIATION_RAD
 from fleet.run.events import Event
 from fleet.run.setup import RunSetup
-from fleet.simulation import Simulation
+from fleet.simulation import Actions, Simulation
 from fleet.traffic.drivers import Driver
 from fleet.world.grid import GridWorld
 from fleet.world.protocol import World
@@ -70,6 +70,12 @@ class ForeignSimulation(Simulation):
             setup=replace(setup, start_states=states, scene=scene),
             parts=Parts(driver=driver),
         )
+
+    def tick(self, actions: Actions | None = None) -> None:
+        """See `Simulation`; what was out of the ordinary with a vehicle is an event."""
+        super().tick(actions)
+        for note in self.vehicles.taken_notes():
+            self.events.log("vda5050", car=f"car_{note.car}", what=note.what, of=note.of, cause=note.cause)
 
 
 def _states(graph: LaneGraph, poses: Sequence[tuple[float, float, float]]) -> npt.NDArray[np.int32]:

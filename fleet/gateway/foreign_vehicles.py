@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import dataclass
 from datetime import datetime, timedelta
 from typing import Any
 
@@ -15,9 +16,25 @@ from fleet.vda5050.dialects import Dialect
 from fleet.vda5050.envelope import Identity, Post
 from fleet.vda5050.faults import MessageError
 from fleet.vda5050.growing_order import GrowingOrder
+from maps.reading.shown import shown
 
 HEARD = ("state", "connection")
 """Topics that a master listens to."""
+
+
+_NEVER = -1, ""
+"""Number and time of a state that is older than all."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class VehicleNote:
+    """Something out of the ordinary that a vehicle did."""
+
+    car: int
+    """Number of the car that stands for it."""
+    what: str
+    of: str
+    cause: str
 
 
 class ForeignVehicles:
@@ -38,7 +55,9 @@ class ForeignVehicles:
         self.is_online = [False] * len(identities)
         self.n_malformed = 0
         """Messages that could not be read."""
-        self._newest = [""] * len(identities)
+        self._notes: list[VehicleNote] = []
+        self._last_note: dict[int, VehicleNote] = {}
+        self._newest = [_NEVER] * len(identities)
         self._identities = list(identities)
         self._codec = Codec(dialect)
         self._start = start
@@ -54,11 +73,18 @@ class ForeignVehicles:
             try:
                 body = self._codec.decode(name, payload)
                 if name == "connection":
-                    self.is_online[car] = body["connectionState"] == "ONLINE"
+                    self._note_connection(car, str(body["connectionState"]))
                 else:
                     self._note_state(car, body)
-            except (MessageError, KeyError, TypeError, ValueError):
+            except (MessageError, KeyError, TypeError, ValueError, AttributeError) as error:
                 self.n_malformed += 1
+                words = str(error) if isinstance(error, MessageError) else f"{name}: {type(error).__name__}: {error}"
+                self._note(VehicleNote(car=car, what="message_refused", of=name, cause=words))
+
+    def taken_notes(self) -> list[VehicleNote]:
+        """What was out of the ordinary since the last call; what a vehicle repeats is told once."""
+        found, self._notes = self._notes, []
+        return found
 
     def ask(self, now_s: float) -> None:
         """Ask the vehicles that have not spoken yet to say where they stand; else they may take 30 s.
@@ -69,13 +95,9 @@ class ForeignVehicles:
         for car, state in enumerate(self.states):
             if state is None:
                 self._n_asked += 1
-                asked: dict[str, Any] = {
-                    "actionType": "stateRequest",
-                    "actionId": f"state-{self._n_asked}",
-                    "blockingType": "NONE",
-                    "actionParameters": [],
-                }
-                self._link.send(self._post(car, "instantActions", {"actions": [asked]}, now_s))
+                asked = {"actionType": "stateRequest", "actionId": f"state-{self._n_asked}", "blockingType": "NONE"}
+                body: Body = {"actions": [asked | {"actionParameters": []}]}
+                self._link.send(self._post(car, "instantActions", body, now_s))
 
     def speak(self, now_s: float) -> None:
         """Send the orders that are due.
@@ -106,11 +128,26 @@ class ForeignVehicles:
             )
         return float(position["x"]), float(position["y"]), float(position["theta"])
 
+    def _note(self, note: VehicleNote) -> None:
+        if self._last_note.get(note.car) != note:
+            self._last_note[note.car] = note
+            self._notes.append(note)
+
+    def _note_connection(self, car: int, state: str) -> None:
+        self.is_online[car] = state == "ONLINE"
+        if self.is_online[car]:
+            self._newest[car] = _NEVER  # it may have started anew, and counts from the beginning
+        self._note(VehicleNote(car=car, what="connection", of=state, cause="it said so, or the broker in its name"))
+
     def _note_state(self, car: int, body: Body) -> None:
-        stamp = str(body["timestamp"])
-        if stamp < self._newest[car]:
+        number, stamp = int(body["headerId"]), str(body["timestamp"])
+        before = self._newest[car]
+        if number <= before[0] and stamp < before[1]:
             return
-        self._newest[car] = stamp
+        if stamp < before[1]:
+            words = f"timestamp is {shown(stamp)} after {shown(before[1])}; headerId tells that the state is newer"
+            self._note(VehicleNote(car=car, what="clock_went_back", of="state", cause=words))
+        self._newest[car] = number, stamp
         self.is_online[car] = True
         book = self.books[car]
         if book is not None:

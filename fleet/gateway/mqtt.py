@@ -100,7 +100,7 @@ class MqttClient:
         """Connections made so far."""
         self._topics: list[str] = []
         self._came = came
-        self._answered = threading.Event()
+        self._answered, self._subscribed = threading.Event(), threading.Event()
         self._refusal = ""
         self._client = made = mqtt.Client(CallbackAPIVersion.VERSION2, client_id=name, clean_session=True)
         if will is not None:
@@ -109,6 +109,7 @@ class MqttClient:
             made.username_pw_set(address.user, address.password or None)
         made.on_connect = self._connected
         made.on_message = self._heard
+        made.on_subscribe = lambda *_: self._subscribed.set()
         made.reconnect_delay_set(min_delay=1, max_delay=15)
         where = f"the broker at {address.url} cannot be reached"
         try:
@@ -127,11 +128,13 @@ class MqttClient:
             raise GatewayError(f"{where}: {self._refusal or 'no answer'}; valid: a broker that lets us in")
 
     def listen(self, patterns: Sequence[str]) -> None:
-        """Listen to topics, too; their levels may be `+`."""
+        """Listen to topics, too; their levels may be `+`. Returns when the broker knows, so that nothing is missed."""
         new = [pattern for pattern in patterns if pattern not in self._topics]
         if new:
             self._topics += new
+            self._subscribed.clear()
             self._client.subscribe([(pattern, 0) for pattern in new])
+            self._subscribed.wait(PATIENCE_S)
 
     def send(self, post: Post) -> None:
         """See `BrokerLink`; while there is no connection, posts are forgotten, as those of QoS 0 would be."""

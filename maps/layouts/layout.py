@@ -98,10 +98,10 @@ def checked_layout(layout: FloorLayout, where: str) -> FloorLayout:
     for edge in layout.edges:
         for what, name in (("begins", edge.start), ("ends", edge.end)):
             if name not in nodes:
-                raise LayoutError(f"{where}: edge {edge.name!r} {what} at {name!r}; valid: {_some(nodes)}")
+                raise LayoutError(f"{where}: edge {edge.name!r} {what} at {name!r}; valid: {some_nodes(nodes)}")
     for station in layout.stations:
         if station.node not in nodes:
-            raise LayoutError(f"{where}: station {station.name!r} is at {station.node!r}; valid: {_some(nodes)}")
+            raise LayoutError(f"{where}: station {station.name!r} is at {station.node!r}; valid: {some_nodes(nodes)}")
     return layout
 
 
@@ -134,7 +134,7 @@ def one_level(layout: FloorLayout, level: str | None, where: str) -> FloorLayout
     )
 
 
-def _some(names: set[str]) -> str:
+def some_nodes(names: set[str]) -> str:
     """A few of the names that there are."""
     first = sorted(names)[:4]
     return f"a node, one of {', '.join(first)}{', ...' if len(names) > len(first) else ''}"

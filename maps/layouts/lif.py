@@ -25,6 +25,7 @@ from maps.layouts.layout import (
     Point,
     Use,
     checked_layout,
+    some_nodes,
 )
 from maps.reading.shown import shown
 from maps.reading.text_file import FileError, parse_json
@@ -188,7 +189,11 @@ def read_lif(text: str, where: str) -> FloorLayout:
         edges.append(LayoutEdge(name=edge.edgeId, start=edge.startNodeId, end=edge.endNodeId, backwards=back))
     marks: dict[str, set[str]] = {"parking": set(), "charger": set()}
     stations = []
+    known = {node.nodeId for node in layout.nodes}
     for station in layout.stations:
+        for name in station.interactionNodeIds:
+            if name not in known:
+                raise LayoutError(f"{where}: station {station.stationId!r} is at {name!r}; valid: {some_nodes(known)}")
         for node_id in [name for name in station.interactionNodeIds if name not in closed][:1]:
             use = _use_of(station, uses.get(node_id, set()))
             if use in marks:

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from fleet.gateway.transport import MemoryBroker
+from fleet.run.events import Event
 from fleet.vda5050.envelope import Post
 from tests.unit.fleet.gateway.master import Body, Play, action, node, order
 
@@ -127,8 +128,11 @@ def test_a_car_whose_broker_is_gone_goes_on_with_its_base_and_tells_when_it_is_b
         play.tick(400)
         assert len(play.master.heard["car_0", "state"]) == before
         link._is_open = True  # type: ignore[attr-defined]
+        told: list[Event] = []
+        play.run.events.subscribe(told.append)
         link.n_sessions += 1
         play.tick(2)
+        assert ("connection", "broker") in [(one.facts.get("what"), one.facts.get("of")) for one in told]
         assert play.master.heard["car_0", "connection"][-1]["connectionState"] == "ONLINE"
         assert play.master.is_done("car_0", "o")
         assert play.master.status("car_0") == {"a": "FINISHED"}

@@ -1,5 +1,6 @@
 """Our dispatch, planner and executor order vehicles that they know by messages only: here the cars of another run."""
 
+import json
 from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
 from typing import Any
@@ -130,3 +131,53 @@ def test_messages_that_cannot_be_read_or_are_late_are_left_alone() -> None:
     say(b'{"version": "3.0.0", "timestamp": "2026-01-01T00:00:00Z", "headerId": 4}')
     assert vehicles.states[0] is not None
     assert vehicles.states[0]["headerId"] == 5
+    notes = vehicles.taken_notes()
+    assert [(note.what, note.of) for note in notes] == [("message_refused", "state")] * 2
+    assert "the message is no JSON" in notes[0].cause
+    assert vehicles.taken_notes() == []
+
+
+def test_a_vehicle_whose_clock_runs_backwards_or_that_begins_anew_is_heard() -> None:
+    broker = MemoryBroker()
+    identity = GatewayConfig(dialect="3.0.0").identity(0)
+    vehicles = ForeignVehicles([identity], DIALECTS["3.0.0"], broker, START)
+
+    def say(topic: str, **body: Any) -> None:
+        payload = json.dumps({"version": "3.0.0"} | body).encode()
+        broker.publish(Post(topic=identity.topic("v3", topic), payload=payload, qos=0, retain=False))
+        vehicles.hear()
+
+    def heard() -> object:
+        state = vehicles.states[0]
+        return None if state is None else (state["headerId"], state["timestamp"])
+
+    say("state", headerId=7, timestamp="2026-01-02T00:00:00Z")
+    say("state", headerId=8, timestamp="2020-01-01T00:00:00Z")  # its clock was set
+    assert heard() == (8, "2020-01-01T00:00:00Z")
+    (note,) = vehicles.taken_notes()
+    assert (note.what, note.cause) == (
+        "clock_went_back",
+        "timestamp is '2020-01-01T00:00:00Z' after '2026-01-02T00:00:00Z'; headerId tells that the state is newer",
+    )
+    say("connection", connectionState="CONNECTION_BROKEN")
+    assert not vehicles.is_online[0]
+    say("connection", connectionState="ONLINE")
+    say("state", headerId=0, timestamp="2019-01-01T00:00:00Z")  # it was started anew
+    assert heard() == (0, "2019-01-01T00:00:00Z")
+    assert [(one.what, one.of) for one in vehicles.taken_notes()] == [
+        ("connection", "CONNECTION_BROKEN"),
+        ("connection", "ONLINE"),
+    ]
+
+
+def test_vehicles_that_have_not_spoken_are_asked() -> None:
+    broker = MemoryBroker()
+    config = GatewayConfig(dialect="2.0.0-coaty")
+    asked = broker.link(["uagv/v2/fleet/+/instantActions"])
+    vehicles = ForeignVehicles([config.identity(0), config.identity(1)], config.speaks, broker, START)
+    vehicles.states[0] = {}
+    vehicles.ask(0.0)
+    ((topic, payload),) = asked.received()
+    assert topic.split("/")[3] == "car_1"
+    (action,) = json.loads(payload)["instantActions"]
+    assert (action["actionType"], action["blockingType"]) == ("stateRequest", "NONE")
