@@ -125,6 +125,8 @@ class SiteOutline:
     name: str
     rows: int
     cols: int
+    cell_m: float
+    """Edge of a cell [m]."""
     n_pick: int
     """Pick stations."""
     n_drop: int
@@ -212,6 +214,7 @@ def outline(name_or_path: str | os.PathLike[str]) -> SiteOutline:
         name=table.name,
         rows=rows,
         cols=cols,
+        cell_m=table.cell_m,
         n_pick=sum(len(arm_sides[dock]) for dock in plan.cells("P")),
         n_drop=sum(len(arm_sides[dock]) for dock in plan.cells("D")),
         n_parking=len(plan.cells("K")),

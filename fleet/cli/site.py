@@ -78,7 +78,7 @@ class SiteList:
         for name in site_names():
             site = outline(name)
             sys.stdout.write(
-                f"{name:10s} {site.cols} x {site.rows} m, {site.n_pick} pick and {site.n_drop} drop stations, "
+                f"{name:10s} {_metres(site.rows, site.cols, site.cell_m)}, {site.n_pick} pick and {site.n_drop} drop stations, "
                 f"parking for {site.n_parking} cars\n"
             )
         return 0
@@ -272,9 +272,16 @@ def _require_reach(refused: dict[Grip, tuple[str, ...]]) -> None:
             raise FleetError(refusals[0])
 
 
+def _metres(rows: int, cols: int, cell_m: float) -> str:
+    """Width and depth of a floor in words."""
+    return f"{cols * cell_m:g} x {rows * cell_m:g} m"
+
+
 def _save(site: Site, out: Path) -> int:
     from maps.site import save_site
 
     save_site(site, out)
-    sys.stdout.write(f"{out}: {site.grid.cols} x {site.grid.rows} m, {len(site.stations)} stations\n")
+    grid = site.grid
+    metres = _metres(grid.rows, grid.cols, grid.cell_m)
+    sys.stdout.write(f"{out}: {metres}, {len(site.stations)} stations\n")
     return 0
