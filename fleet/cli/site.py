@@ -77,8 +77,9 @@ class SiteList:
 
         for name in site_names():
             site = outline(name)
+            metres = _metres(site.rows, site.cols, site.cell_m)
             sys.stdout.write(
-                f"{name:10s} {_metres(site.rows, site.cols, site.cell_m)}, {site.n_pick} pick and {site.n_drop} drop stations, "
+                f"{name:10s} {metres}, {site.n_pick} pick and {site.n_drop} drop stations, "
                 f"parking for {site.n_parking} cars\n"
             )
         return 0
