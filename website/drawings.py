@@ -15,10 +15,10 @@ from fleet.charts.chart import COLORS
 from fleet.charts.drawing import Box, Drawing, Line, Words
 from fleet.config import Fidelity, RunConfig
 from fleet.insight.causes import Column
+from fleet.replay.floor_sheet import EDGE, INK, FloorSheet
 from fleet.simulation import Simulation
 from maps.lane_graph import MoveKind, build_lane_graph
 from maps.site import load_site
-from website.floor_sheet import EDGE, INK, FloorSheet
 
 SITE = "small"
 MOMENT = RunConfig(site=SITE, robots=6, seed=3, fidelity=Fidelity.KINEMATIC)

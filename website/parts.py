@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from website.commands import commands
 from website.drawings import figure
-from website.gallery import film
+from website.gallery import moving_picture
 from website.github import changelog
 from website.notebooks import notebooks
 from website.results import results
@@ -48,7 +48,7 @@ PARTS: Mapping[str, Callable[[str, Place], str]] = MappingProxyType(
         "changelog": lambda word, place: changelog(place.repository),
         "commands": lambda word, place: commands(),
         "drawing": lambda word, place: figure(word),
-        "film": film,
+        "film": moving_picture,
         "notebooks": lambda word, place: notebooks(place),
         "results": lambda word, place: results(word, place.repository),
         "robots": lambda word, place: robots(),

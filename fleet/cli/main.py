@@ -90,6 +90,10 @@ COMMANDS = {
         "recordings.export.Export",
         "Write a run as an MCAP file of ROS 2 messages, for Foxglove, PlotJuggler or `ros2 bag play`.",
     ),
+    "film": Command(
+        "recordings.film.FilmOfRun",
+        "Run a run again and draw a part of it as a moving picture (SVG), which browsers and pages play.",
+    ),
     "fit": Command(
         "scale.fit.FitCommand",
         "Fit the car of the kinematic world to physical runs; prints today's values beside the fitted ones.",

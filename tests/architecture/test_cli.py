@@ -25,6 +25,7 @@ REQUIRED = {
     "diff": ["run_1", "run_2"],
     "drive": ["--vda5050", "mqtt://127.0.0.1:1883"],
     "export": ["run", "--mcap", "run.mcap"],
+    "film": ["run", "film.svg"],
     "gap": ["small"],
     "lorr": ["problem.json"],
     "mend": ["run"],

@@ -8,12 +8,14 @@ import xml.etree.ElementTree as ET
 import pytest
 
 from fleet.config import Fidelity, RunConfig
+from fleet.replay.film import SAMPLE_S, film
+from fleet.replay.floor_sheet import LANE, FloorSheet
+from fleet.simulation import Simulation
 from maps.lane_graph import build_lane_graph
 from maps.site import load_site
 from tests.guide.pages import REPOSITORY
 from website.drawings import DRAWINGS, MOMENT, figure, moment
-from website.floor_sheet import LANE, FloorSheet
-from website.gallery import FILMS, SAMPLE_S, Film, animated
+from website.gallery import FILMS
 
 SVG = "{http://www.w3.org/2000/svg}"
 
@@ -59,10 +61,10 @@ def test_the_moment_shows_a_wait_and_what_is_held() -> None:
 
 def test_a_film_has_a_value_for_each_sample() -> None:
     config = RunConfig(site="cell", robots=2, tasks=2, seed=0, fidelity=Fidelity.GRID)
-    made = Film(title="", config=config, begin_s=6.0, length_s=5.0, px_per_m=20)
-    root = ET.fromstring(animated(made))
+    with Simulation(config) as run:
+        root = ET.fromstring(film(run, begin_s=6.0, length_s=5.0, px_per_m=20))
     moves = [one for kind in ("animate", "animateTransform") for one in root.iter(SVG + kind)]
     lengths = {len((one.get("values") or "").split(";")) for one in moves}
-    assert lengths == {round(made.length_s / SAMPLE_S)}
+    assert lengths == {round(5.0 / SAMPLE_S)}
     cars = [one for one in root.iter(f"{SVG}animateTransform") if one.get("type") == "rotate"]
     assert len(cars) == config.robots

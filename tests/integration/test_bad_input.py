@@ -304,7 +304,7 @@ def test_a_refused_run_leaves_earlier_results_alone(tmp_path: Path, capsys: pyte
             ["frob"],
             [
                 "'frob'",
-                "demo, diff, drive, evaluate, export, fit, gap, lorr, mend, plan, play, replay",
+                "demo, diff, drive, evaluate, export, film, fit, gap, lorr, mend, plan, play, replay",
                 "report, serve, shot, study, train, view, why, site",
             ],
         ),

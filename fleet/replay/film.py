@@ -1,0 +1,157 @@
+"""Film: a part of a run as a moving picture, drawn from where robots and parcels are; needs no graphics driver."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fleet.arrays import FloatArray
+from fleet.charts.chart import COLORS
+from fleet.replay.floor_sheet import ARM, NOSE, FloorSheet
+from fleet.simulation import Simulation
+from planners.motion.arm.kinematics import link_frames
+
+SAMPLE_S = 0.25
+"""Between two positions; what is between them is filled in along straight lines [s]."""
+PARCEL, PARCEL_M = "#78502a", 0.14
+AWAY = (-1.0, -1.0)
+"""Where a parcel is drawn while it is not on the floor [m]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Take:
+    """Which part of a run is shown, and how large."""
+
+    begin_s: float
+    length_s: float
+    px_per_m: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Shots:
+    """Where everything was, sample by sample."""
+
+    cars: FloatArray
+    """x, y, yaw, shape (k, n_cars, 3)."""
+    arms: FloatArray
+    """x, y of the joints of each arm, from its base to its tip, shape (k, n_arms, n_points, 2)."""
+    parcels: Mapping[int, FloatArray]
+    """x, y of each parcel, `AWAY` while it is not there, shape (k, 2)."""
+
+
+def film(
+    run: Simulation,
+    *,
+    begin_s: float,
+    length_s: float,
+    px_per_m: float,
+    told: Callable[[float], None] | None = None,
+) -> str:
+    """Draw a part of a run as an SVG that moves by itself, again and again.
+
+    Args:
+        run: A run that has not begun; it is run up to the end of the film.
+        begin_s: Simulated time of the first picture [s].
+        length_s: How long the film is [s].
+        px_per_m: Pixels of a metre.
+        told: Called with the simulated time after each tick [s].
+
+    Raises:
+        ConfigError: The arms of the run are of several models.
+    """
+    take = _Take(begin_s=begin_s, length_s=length_s, px_per_m=px_per_m)
+    shots = _shots(run, take, told)
+    sheet = FloorSheet(run.site, px_per_m=px_per_m)
+    sheet.cells()
+    sheet.station_names()
+    body = [*_arms(sheet, shots, take), *_cars(sheet, run, shots, take), *_parcels(sheet, shots, take)]
+    return sheet.drawing.svg().removesuffix("</svg>") + "\n".join([*body, "</svg>\n"])
+
+
+def _shots(run: Simulation, take: _Take, told: Callable[[float], None] | None) -> Shots:
+    def go_on(until_s: float) -> None:
+        while run.sim_s < until_s:
+            run.tick()
+            if told is not None:
+                told(run.sim_s)
+
+    go_on(take.begin_s)
+    cars, arms, parcels = [], [], dict[int, list[FloatArray]]()
+    n_samples = round(take.length_s / SAMPLE_S)
+    for sample in range(n_samples):
+        go_on(take.begin_s + sample * SAMPLE_S)
+        world = run.world
+        cars.append(world.car_poses().copy())
+        arms.append(_joints(run))
+        for parcel, pose in zip(world.parcel_ids().tolist(), world.parcel_poses(), strict=True):
+            parcels.setdefault(parcel, [np.array(AWAY)] * sample).append(pose[:2].copy())
+        for seen in parcels.values():
+            seen.extend([np.array(AWAY)] * (sample + 1 - len(seen)))
+    return Shots(
+        cars=np.array(cars),
+        arms=np.array(arms),
+        parcels={parcel: np.array(seen) for parcel, seen in parcels.items()},
+    )
+
+
+def _joints(run: Simulation) -> FloatArray:
+    """Bases, joints and tips of all arms from above, shape (n_arms, n_points, 2)."""
+    scene = run.scene
+    spec = scene.arms.only("a moving picture")
+    frames = link_frames(spec.base_from_joint, run.world.arm_positions())
+    tips = frames[:, -1:, :3, 3] + spec.tool_length_m * frames[:, -1:, :3, 2]
+    points = np.concatenate((np.zeros_like(tips), frames[:, :, :3, 3], tips), axis=1)[..., :2]
+    cos, sin = np.cos(scene.arm_base[:, 3]), np.sin(scene.arm_base[:, 3])
+    turned = np.einsum("aij,anj->ani", np.array([[cos, -sin], [sin, cos]]).transpose(2, 0, 1), points)
+    return np.asarray(turned + scene.arm_base[:, None, :2])
+
+
+def _cars(sheet: FloorSheet, run: Simulation, shots: Shots, take: _Take) -> list[str]:
+    px = take.px_per_m
+    drawn = []
+    for car in range(shots.cars.shape[1]):
+        spec = run.scene.cars[car]
+        left, top = -spec.rear_m * px, -spec.half_width_m * px
+        long, wide = (spec.rear_m + spec.front_m) * px, 2 * spec.half_width_m * px
+        body = f'<rect x="{left:.1f}" y="{top:.1f}" width="{long:.1f}" height="{wide:.1f}"'
+        nose = f'<rect x="{spec.front_m * px - 4:.1f}" y="{top:.1f}" width="4" height="{wide:.1f}" fill="{NOSE}"/>'
+        spots = [sheet.spot(x, y) for x, y in shots.cars[:, car, :2].tolist()]
+        turns = -np.degrees(np.unwrap(shots.cars[:, car, 2]))
+        drive = _values("transform", [f"{x:.1f} {y:.1f}" for x, y in spots], take, kind="translate")
+        turn = _values("transform", [f"{angle:.0f}" for angle in turns], take, kind="rotate")
+        shape = f'{body} fill="{COLORS[car % len(COLORS)]}"/>{nose}'
+        drawn.append(f"<g>{drive}<g>{turn}{shape}</g></g>")
+    return drawn
+
+
+def _arms(sheet: FloorSheet, shots: Shots, take: _Take) -> list[str]:
+    lines = []
+    for arm in range(shots.arms.shape[1]):
+        ways = [" ".join("{:.0f},{:.0f}".format(*sheet.spot(x, y)) for x, y in now) for now in shots.arms[:, arm]]
+        moves = _values("points", ways, take)
+        style = f'fill="none" stroke="{ARM}" stroke-width="{0.1 * take.px_per_m:.1f}" stroke-linejoin="round"'
+        lines.append(f'<polyline points="{ways[0]}" {style} stroke-linecap="round">{moves}</polyline>')
+    return lines
+
+
+def _parcels(sheet: FloorSheet, shots: Shots, take: _Take) -> list[str]:
+    boxes = []
+    edge = PARCEL_M * take.px_per_m
+    for seen in shots.parcels.values():
+        spots = [sheet.spot(x, y) for x, y in seen.tolist()]
+        there = ["1" if x > 0 else "0" for x, _ in seen.tolist()]
+        moves = _values("transform", [f"{x:.1f} {y:.1f}" for x, y in spots], take, kind="translate")
+        shows = _values("opacity", there, take, discrete=True)
+        box = f'<rect x="{-edge / 2:.1f}" y="{-edge / 2:.1f}" width="{edge:.1f}" height="{edge:.1f}" fill="{PARCEL}"/>'
+        boxes.append(f"<g>{moves}{shows}{box}</g>")
+    return boxes
+
+
+def _values(name: str, values: Sequence[str], take: _Take, *, kind: str = "", discrete: bool = False) -> str:
+    """What an attribute is over time."""
+    verb = f'animateTransform type="{kind}"' if kind else "animate"
+    how = ' calcMode="discrete"' if discrete else ""
+    lasts = f'dur="{take.length_s:g}s" repeatCount="indefinite"'
+    return f'<{verb} attributeName="{name}"{how} {lasts} values="{";".join(values)}"/>'
