@@ -157,6 +157,24 @@ def test_links_lead_somewhere(page: str) -> None:
 
 
 @pytest.mark.parametrize(
+    "words",
+    [
+        "nothing went on any more",
+        "who stands right waits for who stands left",
+        "make a stand unlikely",
+        "what robots were told",
+        "decides what can be told",
+        "come to 58 places",
+        "adds up to what was spent on it",
+    ],
+)
+def test_words_that_a_reader_stumbled_over_are_gone(words: str) -> None:
+    """A friction of the first hour: sentences that read as if translated word by word."""
+    found = [page for page in EACH_TEXT if words in " ".join((REPOSITORY / page).read_text(encoding="utf-8").split())]
+    assert found == []
+
+
+@pytest.mark.parametrize(
     ("text", "message"),
     [
         ("```\nls\n```\n", "p.md:1: language ''"),
