@@ -111,12 +111,16 @@ def _warnings(site: Site, ratio: float) -> tuple[str, ...]:
         if (cell, site.grid.neighbour(cell, station.dock.heading)) not in lane_set:
             found.append(f"{station.name}: the dock is left by a turn, so cars stop short of the cell's centre")
         if blocked.get(cell):
-            found.append(f"{station.name}: a car in the dock blocks the only lane to {blocked[cell]} other places")
+            found.append(f"{station.name}: a car in the dock blocks the only lane to {_others(blocked[cell])}")
     for what, cells in (("parking", site.parking), ("charger", site.chargers)):
         for cell in cells:
             if blocked.get(cell):
                 found.append(
                     f"{what} at {site.grid.words(cell)}: a car standing there blocks the only lane to "
-                    f"{blocked[cell]} other places"
+                    f"{_others(blocked[cell])}"
                 )
     return tuple(found)
+
+
+def _others(n: int) -> str:
+    return f"{n} other place" if n == 1 else f"{n} other places"

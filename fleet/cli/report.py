@@ -17,7 +17,7 @@ WRITTEN = 0
 class Report:
     """Write a run as one HTML page with plots that opens offline, and its tables as CSV."""
 
-    of: Annotated[Path, tyro.conf.Positional]
+    folder: Annotated[Path, tyro.conf.Positional]
     """Directory of the run, its --out."""
     out: Path | None = None
     """Directory for report.html and the CSV files; default: report, in the directory of the run."""
@@ -29,9 +29,9 @@ class Report:
         from fleet.report.page import PAGE, write_page
         from fleet.report.tables import tables_of
 
-        run = load_run(self.of)
+        run = load_run(self.folder)
         tables = tables_of(run)
-        out = self.of / "report" if self.out is None else self.out
+        out = self.folder / "report" if self.out is None else self.out
         try:
             out.mkdir(parents=True, exist_ok=True)
             for table in tables.values():

@@ -134,7 +134,7 @@ class Study:
         ):
 
             def progress(done: int, total: int) -> None:
-                if bar.due():
+                if bar.due() or done == total:
                     bar.show(done, f"{total - done} to go", f"{done} of {total} runs done")
 
             outcome = run_study(

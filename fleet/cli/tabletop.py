@@ -29,6 +29,15 @@ if TYPE_CHECKING:
 Result = TypeVar("Result")
 
 ALL_SORTED, SOME_LEFT = 0, 1
+WORDS = {
+    "alone_s": "each arm alone [s]",
+    "makespan_over_longer": "makespan, of the longer alone",
+    "makespan_s": "makespan [s]",
+    "rounds_together": "rounds of both arms at once",
+    "sim_s": "simulated time [s]",
+    "state_hash": "digest of the last state",
+}
+"""What the table calls figures whose names do not say it."""
 MOST_SEED = 2**31 - 1
 """Searches count on from it, and take seeds of 32 bits."""
 _FRAME_TICKS = 2
@@ -124,8 +133,8 @@ class _Tabletop:
         (self.out / RESULT).write_text(json.dumps(result, indent=2, default=str) + "\n", encoding="utf-8")
         table = Table(title=f"tabletop {self.name}", show_header=False)
         for key, value in figures.items():
-            table.add_row(key.replace("_", " "), str(value)[:16])
-        table.add_row("wall s", f"{wall_s:.1f}")
+            table.add_row(WORDS.get(key, key.replace("_", " ")), str(value)[:16])
+        table.add_row("wall time [s]", f"{wall_s:.1f}")
         console = plain_console()
         console.print(table)
         for remark in remarks:

@@ -269,9 +269,8 @@ def _blame(run: Run, tables: Mapping[str, Table]) -> str:
     if not parts:
         return ""
     return f"""<h2>Who caused the waiting</h2>
-<p class="quiet">Time that robots waited, put down to the cell they could not enter, to the robot at the end of the
-chain of who waits for whom, and to the station or other place that it was about: the same time, seen three times,
-each without what is put down to none.</p>
+<p class="quiet">Each wait is in up to three lists: under the cell that could not be entered, under the robot at the end
+of the chain of who waits for whom, and under the station or other place where the robot had to go.</p>
 {_legend({_named(account): COLOUR_OF_ACCOUNT[account] for account in WAITING})}
 <div class="three">{"".join(parts)}</div>"""
 

@@ -22,6 +22,7 @@ svg { max-width: 100%; height: auto; display: block; margin: 1rem 0; }
 table { border-collapse: collapse; width: 100%; font-variant-numeric: tabular-nums; font-size: 14px; }
 th, td { padding: .25rem .6rem; text-align: right; border-bottom: 1px solid #e4e4e4; white-space: nowrap; }
 th { border-bottom: 2px solid #999; } td:first-child, th:first-child, td:last-child, th:last-child { text-align: left; }
+td.words { white-space: normal; text-align: left; min-width: 12rem; }
 tr.knee td { background: #fff6da; } .scroll { overflow-x: auto; } .quiet { color: #666; }
 code { background: #f3f3f3; padding: .1rem .3rem; }
 """
@@ -80,7 +81,7 @@ def write_page(path: Path, *, findings: Findings, plots: Sequence[Drawing], titl
 {pictures}
 <h2>All figures</h2>
 <p class="quiet">Means over the seeds, ± half the 95 % interval (Student). Differences are paired: both allocators
-had the same orders. A knee is coloured.</p>
+had the same orders. The row of a knee is coloured, where there is one.</p>
 <div class="scroll"><table>
 {_table(findings)}
 </table></div>
@@ -118,7 +119,9 @@ def _table(findings: Findings) -> str:
                 str(point.bottleneck) + (f"; {point.n_stalled} runs came to a stand" if point.n_stalled else ""),
             ]
             kind = ' class="knee"' if point.robots == curve.knee else ""
-            lines.append(f"<tr{kind}>" + "".join(f"<td>{escape(cell)}</td>" for cell in cells) + "</tr>")
+            *short, words = (escape(cell) for cell in cells)
+            row = "".join(f"<td>{cell}</td>" for cell in short) + f'<td class="words">{words}</td>'
+            lines.append(f"<tr{kind}>{row}</tr>")
     return "\n".join(lines)
 
 

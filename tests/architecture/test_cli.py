@@ -1,6 +1,9 @@
 """The command line and the settings agree: every command builds from its defaults, every choice parses, all is said."""
 
 import dataclasses
+import pkgutil
+import tomllib
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -202,6 +205,33 @@ def test_the_demo_s_help_names_every_choice(capsys: pytest.CaptureFixture[str]) 
     said = capsys.readouterr().out
     for name in (*PLANNERS, *ALLOCATORS, *EVENT_KINDS, *Grip, *Perception, *Fidelity, *StreamKind):
         assert name in said
+
+
+def test_the_demo_s_help_tells_of_planners_and_allocators_of_one_s_own(capsys: pytest.CaptureFixture[str]) -> None:
+    """A friction of the first hour: nothing told whether `--planner` takes a planner of one's own."""
+    with pytest.raises(SystemExit):
+        main(["demo", "--help"])
+    said = " ".join(capsys.readouterr().out.replace("│", " ").split())
+    assert said.count("or package.module.Class") == 2
+
+
+def test_a_run_is_named_alike_by_the_commands_that_read_one() -> None:
+    """A friction of the first hour: `report OF`."""
+    for name in ("report", "shot", "view", "why"):
+        assert "folder" in [field.name for field in dataclasses.fields(ALL[name])]
+
+
+def test_all_that_a_newcomer_types_is_a_command_of_one_program(repository: Path) -> None:
+    """A friction of the first hour: no program `fleet`, and pictures and the viewer were modules to be run."""
+    settings = tomllib.loads((repository / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    assert pkgutil.resolve_name(settings["scripts"]["fleet"]) is main
+    assert {"demo", "shot", "view", "why", "report", "diff", "study"} <= set(COMMANDS)
+
+
+def test_the_package_asks_for_the_one_python_that_does(repository: Path) -> None:
+    """A friction of the first hour: 3.11 or later by the package, 3.11 only by the README."""
+    settings = tomllib.loads((repository / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    assert settings["requires-python"] == ">=3.11,<3.12"
 
 
 def test_the_help_of_the_study_names_every_planner_and_allocator(capsys: pytest.CaptureFixture[str]) -> None:

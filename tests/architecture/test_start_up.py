@@ -48,6 +48,7 @@ def loaded(module: str, words: list[str], repository: Path) -> set[str]:
 
 @pytest.mark.parametrize("words", CALLS, ids=" ".join)
 def test_help_and_lists_load_no_heavy_package(words: list[str], repository: Path) -> None:
+    """A friction of the first hour: `--help` loaded every command, and died where no cache could be written."""
     found = loaded("fleet", words, repository)
     assert {"fleet", "planners"} <= found
     assert found.isdisjoint(HEAVY)

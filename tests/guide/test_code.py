@@ -24,4 +24,5 @@ from tests.guide.pages import Block, each_block, run_block
     "docs/guide/limits.md",
 )
 def test_block(block: Block, tmp_path: Path) -> None:
+    """A friction of the first hour: blocks that did not run alone; interfaces that had to be found in the source."""
     run_block(block, tmp_path)

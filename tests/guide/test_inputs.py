@@ -20,4 +20,5 @@ from tests.guide.pages import Block, each_block, run_block
     "docs/guide/study.md",
 )
 def test_block(block: Block, tmp_path: Path) -> None:
+    """A friction of the first hour: examples of events that ended with status 1 or did nothing, without a word."""
     run_block(block, tmp_path)

@@ -93,6 +93,7 @@ def test_every_option_of_the_demo_is_told() -> None:
 
 
 def test_every_figure_of_the_result_is_told() -> None:
+    """A friction of the first hour: no reference of the files that a run writes."""
     figures = {field.name for field in dataclasses.fields(Summary)}
     assert figures - words_in_code("docs/guide/results.md") == set()
 
@@ -142,6 +143,7 @@ def is_known(name: str) -> bool:
 
 @pytest.mark.parametrize("page", EACH_TEXT)
 def test_links_lead_somewhere(page: str) -> None:
+    """A friction of the first hour: words that were used hundreds of lines before the glossary was linked."""
     path = REPOSITORY / page
     lost = []
     for match in LINK.finditer(path.read_text(encoding="utf-8")):
@@ -152,6 +154,24 @@ def test_links_lead_somewhere(page: str) -> None:
         if not there.exists() or (anchor and anchor not in anchors(there)):
             lost.append(match["target"])
     assert lost == []
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "nothing went on any more",
+        "who stands right waits for who stands left",
+        "make a stand unlikely",
+        "what robots were told",
+        "decides what can be told",
+        "come to 58 places",
+        "adds up to what was spent on it",
+    ],
+)
+def test_words_that_a_reader_stumbled_over_are_gone(words: str) -> None:
+    """A friction of the first hour: sentences that read as if translated word by word."""
+    found = [page for page in EACH_TEXT if words in " ".join((REPOSITORY / page).read_text(encoding="utf-8").split())]
+    assert found == []
 
 
 @pytest.mark.parametrize(

@@ -19,4 +19,5 @@ from tests.guide.pages import Block, each_block, run_block
     "docs/guide/robots.md",
 )
 def test_block(block: Block, tmp_path: Path) -> None:
+    """A friction of the first hour: commands on instances that were not there and could not be had."""
     run_block(block, tmp_path)

@@ -50,15 +50,18 @@ QUESTIONS = [
 
 @pytest.mark.parametrize(("question", "page", "words"), QUESTIONS, ids=[question for question, _, _ in QUESTIONS])
 def test_a_question_has_its_answer(question: str, page: str, words: list[str]) -> None:
+    """A friction of the first hour: disk, limits and rewards of one's own were told nowhere, or on line 701."""
     text = " ".join((REPOSITORY / page).read_text(encoding="utf-8").split())
     assert [word for word in words if word not in text] == [], f"{question} {page} does not answer any more"
 
 
 def test_every_answer_is_reached_from_the_first_pages() -> None:
+    """A friction of the first hour: docs without an index, a quickstart or how-tos."""
     first = "".join((REPOSITORY / page).read_text(encoding="utf-8") for page in ("README.md", "docs/guide/README.md"))
     lost = {page for _, page, _ in QUESTIONS if page.rpartition("/")[2] not in first and page != "README.md"}
     assert lost == set()
 
 
 def test_the_readme_is_read_in_ten_minutes() -> None:
+    """A friction of the first hour: 716 lines, with tables of options before one had seen a picture move."""
     assert len((REPOSITORY / "README.md").read_text(encoding="utf-8").splitlines()) <= 150

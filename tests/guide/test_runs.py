@@ -22,4 +22,5 @@ from tests.guide.pages import Block, each_block, run_block
     "docs/guide/ros.md",
 )
 def test_block(block: Block, tmp_path: Path) -> None:
+    """A friction of the first hour: runs/a and runs/b to compare, which no block had made."""
     run_block(block, tmp_path)

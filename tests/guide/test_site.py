@@ -36,12 +36,14 @@ def entries(nav: object) -> Iterator[str]:
 
 
 def test_the_navigation_names_every_page_once() -> None:
+    """A friction of the first hour: no site: no quickstart, no concepts, no how-tos, no troubleshooting."""
     named = list(entries(SETTINGS["nav"]))
     pages = [path for entry in named for path in ((DOCS / entry).glob("*.md") if entry[-1] == "/" else [DOCS / entry])]
     assert sorted(pages) == sorted(DOCS.rglob("*.md"))
 
 
 def test_pages_ask_for_parts_that_there_are() -> None:
+    """A friction of the first hour: no gallery, no reference of commands, no page of benchmarks."""
     asked = {
         name: path.name
         for path in DOCS.rglob("*.md")
@@ -91,6 +93,7 @@ def test_bars_in_code_lose_their_backslash() -> None:
 
 
 def test_each_command_has_a_section_with_its_options() -> None:
+    """A friction of the first hour: no reference of the command line."""
     sections = dict(re.findall(r"^## (.+)\n((?:(?!## ).*\n)*)", commands(), re.MULTILINE))
     assert list(sections) == list(all_commands())
     for name, command in all_commands().items():
@@ -111,6 +114,7 @@ def test_what_is_said_of_an_option_is_what_its_help_says(
 
 
 def test_the_version_to_cite_is_the_project_s() -> None:
+    """A friction of the first hour: nothing told how to cite the project, or its version."""
     version = tomllib.loads((REPOSITORY / "pyproject.toml").read_text(encoding="utf-8"))["project"]["version"]
     assert yaml.safe_load((REPOSITORY / "CITATION.cff").read_text(encoding="utf-8"))["version"] == version
     assert f"version = {{{version}}}" in (DOCS / "cite.md").read_text(encoding="utf-8")
@@ -158,6 +162,7 @@ def test_rows_of_a_result_belong_to_the_one_above() -> None:
 
 @pytest.mark.parametrize("name", ["league", "pogema"])
 def test_figures_stand_beside_those_of_others(name: str) -> None:
+    """A friction of the first hour: figures without those of the peers."""
     table = [line for line in results(name, REPOSITORY).splitlines() if line.startswith("|")]
     written = json.loads((REPOSITORY / FOLDER / f"{name}.json").read_text(encoding="utf-8"))["rows"]
     assert len(table) - 2 == sum(not row["name"].startswith(" ") for row in written)

@@ -127,6 +127,7 @@ def share_of_orange(picture: Image.Image) -> float:
 @pytest.mark.slow
 @pytest.mark.skipif(CHROMIUM is None, reason="needs chromium (Debian, Ubuntu: apt-get install chromium)")
 def test_the_browser_shows_a_run_that_is_served(tmp_path: Path) -> None:
+    """A friction of the first hour: a black page with faint text."""
     scene, floor = made_up_scene(3, 4, (16.0, 12.0))
     header = Header(scene=scene, floor=floor, about={})
     with RerunRecorder(tmp_path / "a.rrd", header, tick_s=1 / 60, port=free_port()) as recorder:

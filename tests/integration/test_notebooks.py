@@ -50,6 +50,7 @@ def test_a_notebook_is_on_its_page_of_the_guide(path: Path, repository: Path) ->
 
 
 def test_a_page_has_what_cells_show(tmp_path: Path) -> None:
+    """A friction of the first hour: a notebook without a picture or a table in it."""
     picture = (
         "from fleet.charts.drawing import Dot, Drawing\n"
         "Drawing(width=20, height=10, marks=[Dot(at=(5, 5), color='#123456')])"

@@ -86,6 +86,7 @@ def test_each_robot_s_accounts_add_up_to_the_run(tables: dict[str, Table]) -> No
 
 
 def test_every_time_account_has_a_name_and_a_colour() -> None:
+    """A friction of the first hour: `served` in one place, `arm service` in the report."""
     assert set(COLOUR_OF_ACCOUNT) == {account.name.lower() for account in Account}
 
 
@@ -247,6 +248,7 @@ def test_axes_without_a_value_have_a_round_scale() -> None:
 
 
 def test_a_table_without_pandas_says_what_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A friction of the first hour: a traceback of two exceptions."""
     monkeypatch.setitem(sys.modules, "pandas", None)
     with pytest.raises(NoPandas, match="pip install pandas"):
         table("some", ("a",), [(1,)]).frame()

@@ -91,6 +91,7 @@ def test_a_site_with_a_shelf_behind_each_arm_is_accepted_and_runs(tmp_path, caps
 
 
 def test_a_slot_out_of_reach_is_refused_with_what_is_in_the_way_and_served_without_it(tmp_path, capsys) -> None:
+    """A friction of the first hour: an arm that could not reach, and no word of the cell to keep clear."""
     site = written(tmp_path / "own.toml", WALL_BEHIND_THE_ARM, LOW_SLOTS)
     words = refused(["site", "check", site, "--no-draw", "--grip", "friction"], capsys)
     assert words.startswith("station drop_1, arm iiwa, grip friction, slot 2: the arm cannot reach it")
@@ -101,6 +102,7 @@ def test_a_slot_out_of_reach_is_refused_with_what_is_in_the_way_and_served_witho
 
 
 def test_check_convert_and_run_refuse_in_the_same_words(tmp_path, capsys, monkeypatch) -> None:
+    """A friction of the first hour: `site check` accepted what the demo refused."""
     drawn, site = tmp_path / "own.map", tmp_path / "own.toml"
     drawn.write_text(MAP)
     convert = ["site", "convert", str(drawn), str(site), "--pick", "1", "--drop", "1", "--parking", "2"]

@@ -30,6 +30,7 @@ def result_of(folder: Path) -> dict[str, object]:
 
 
 def test_one_arm_sorts_and_the_seed_decides_how(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A friction of the first hour: `sim s` and `state hash` in a table for people."""
     hashes = []
     for name in ("a", "b"):
         words = ["sort", "--objects", "3", "--seed", "1", "--out", str(tmp_path / name)]
@@ -38,7 +39,9 @@ def test_one_arm_sorts_and_the_seed_decides_how(tmp_path: Path, capsys: pytest.C
         assert (result["sorted"], result["missed"], result["reasons"]) == (3, 0, {})
         hashes.append(result["state_hash"])
     assert hashes[0] == hashes[1]
-    assert "recording.rrd" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "recording.rrd" in said
+    assert all(told in said for told in ("simulated time [s]", "digest of the last state", "wall time [s]"))
     assert (tmp_path / "a" / "recording.rrd").stat().st_size > 100_000
     assert not (tmp_path / "b" / "recording.rrd").exists()
     assert run_rerun(["rrd", "verify", str(tmp_path / "a" / "recording.rrd")]).returncode == 0

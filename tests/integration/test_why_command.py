@@ -41,6 +41,7 @@ def refused(words: list[str], capsys: pytest.CaptureFixture[str]) -> str:
 
 
 def test_files_tell_what_the_run_told(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A friction of the first hour: `--json` told `"cause": 20`."""
     with Simulation(CONFIG) as simulation:
         simulation.run()
         live = {

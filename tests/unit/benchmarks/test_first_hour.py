@@ -38,5 +38,6 @@ def test_kernels_are_added_up_with_those_that_they_call(tmp_path: Path) -> None:
 
 
 def test_what_set_up_compiles_is_what_make_does() -> None:
+    """A friction of the first hour: set-up compiled for the demo only, and a block took minutes in silence."""
     makefile = (blocks.REPOSITORY / "Makefile").read_text(encoding="utf-8")
     assert " ".join(blocks.SET_UP[:-2]) in makefile

@@ -75,7 +75,10 @@ def test_the_outline_of_a_site_is_that_of_the_whole_site(name):
 
 
 def test_unknown_site_lists_the_names():
-    with pytest.raises(UnknownSiteError, match=", ".join(site_names())):
+    """A friction of the first hour: `smal` got no 'did you mean'."""
+    with pytest.raises(
+        UnknownSiteError, match=rf"'smal' is unknown \(did you mean small\?\).*{', '.join(site_names())}"
+    ):
         load_site("smal")
 
 
@@ -84,6 +87,7 @@ def test_unknown_site_lists_the_names():
     [
         ("plan = [", "is no TOML"),
         ("name = 'a'", "plan is missing"),
+        ("palns = 'x'", "palns is not a known entry (did you mean plan?)"),
         (
             "plan = '''\n.\n'''\ncolour = 1",
             "colour is not a known entry; valid: one of name, allow_reverse, cell_m, plan",
@@ -98,6 +102,7 @@ def test_unknown_site_lists_the_names():
     ],
 )
 def test_malformed_file_is_one_clear_line(tmp_path, text, message):
+    """A friction of the first hour: `palns = ...` was told as 'plan is missing', without the unknown name."""
     path = tmp_path / "bad.toml"
     path.write_text(text)
     with pytest.raises(SiteError) as caught:
@@ -139,6 +144,7 @@ def test_undecodable_file_is_refused(tmp_path):
     ],
 )
 def test_plan_that_cannot_work_is_refused(plan, error, message):
+    """A friction of the first hour: rows and columns of a plan counted from 1, those of all else from 0."""
     with pytest.raises(error) as caught:
         site_from_plan(plan, name="s")
     assert message in str(caught.value)
@@ -202,13 +208,14 @@ def test_stations_are_named_in_reading_order():
 
 
 def test_report_warns_of_a_dock_in_the_only_lane_and_of_cut_floor():
+    """A friction of the first hour: `1 other places`."""
     report = check_site(
         site_from_plan(["_........_", "AP#####.DA", "_.######._", "#........#", "####.#####"], name="s")
     )
     assert report.cut_cells == ((1, 7), (4, 4))
     assert any("2 floor cells are cut off" in line for line in report.warnings)
     assert any("no parking" in line for line in report.warnings)
-    assert any("pick_1: a car in the dock blocks the only lane to 1 other places" in line for line in report.warnings)
+    assert any(line == "pick_1: a car in the dock blocks the only lane to 1 other place" for line in report.warnings)
     assert (report.picks, report.drops, report.parking, report.lanes) == (1, 1, 0, 20)
 
 

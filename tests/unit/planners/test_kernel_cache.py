@@ -126,6 +126,7 @@ def read_only_tree(tmp_path: Path, repository: Path) -> Iterator[Path]:
 def test_a_user_who_can_write_neither_source_nor_home_can_load_every_kernel(
     order: str, read_only_tree: Path, tmp_path: Path
 ) -> None:
+    """A friction of the first hour: every import died where nothing could be written."""
     if os.getuid() == 0 and shutil.which("setpriv") is None:
         pytest.skip("root can write to everything, and there is no setpriv to change that")
     home, temporary = tmp_path / "home", tmp_path / "temporary"

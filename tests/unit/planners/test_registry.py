@@ -113,6 +113,7 @@ def test_a_wrong_setting_says_which_one_whose_and_what_is_valid(
 
 
 def test_a_class_of_one_s_own_gets_seed_and_settings() -> None:
+    """A friction of the first hour: a planner of one's own had no dotted name; one had to fork the package."""
     planner = own("MinePlanner", patience=9)
     assert (planner.seed, planner.mine) == (7, own_members.MineConfig(patience=9))
     assert planner_named(f"{OWN}.PlainPlanner").plan(instance()).status is Status.FEASIBLE
@@ -153,6 +154,12 @@ def test_a_name_that_is_no_text_is_refused() -> None:
         allocator_named("nope")
 
 
+def test_a_name_that_is_nearly_right_is_guessed() -> None:
+    """A friction of the first hour: `hungarain` got no 'did you mean'."""
+    with pytest.raises(MemberError, match=r"allocator is 'hungarain' \(did you mean hungarian\?\); valid: greedy"):
+        allocator_named("hungarain")
+
+
 GOOD = np.array([[0, 5], [1, 6]], dtype=np.int32)
 
 
@@ -179,6 +186,7 @@ def test_an_answer_that_is_no_plan_is_one_named_error(
 
 
 def test_an_answer_of_another_type_is_one_named_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A friction of the first hour: a dict for an answer ended in a traceback from deep inside."""
     with pytest.raises(PlanFault, match=r"its answer is of type list; valid: a Plan with states \(T \+ 1, 2\)"):
         planner_named(f"{OWN}.ListPlanner").plan(instance())
     monkeypatch.setattr(own_members.ArrayPlanner, "states", GOOD)

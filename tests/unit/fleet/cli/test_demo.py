@@ -65,6 +65,7 @@ def test_a_viewer_is_not_opened_unasked(
     opened: list[list[str]],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    """A friction of the first hour: a hint at a viewer beside the interpreter, where there was none."""
     monkeypatch.setenv("DISPLAY", ":7")
     assert "look at it with" in show(tmp_path, capsys)
     assert opened == []

@@ -149,7 +149,10 @@ def test_a_malformed_problem_is_refused_before_files_are_touched(
 
 
 def test_a_missing_problem_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert "no.json: cannot be read" in complaint(capsys, tmp_path / "no.json")
+    """A friction of the first hour: `[Errno 2]` in the message."""
+    said = complaint(capsys, tmp_path / "no.json")
+    assert "no.json: cannot be read" in said
+    assert "Errno" not in said
     assert "PROBLEM" in complaint(capsys)
 
 

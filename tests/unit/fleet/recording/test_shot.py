@@ -26,6 +26,7 @@ def test_a_malformed_size_is_none(said: str) -> None:
 
 
 def test_without_a_graphics_driver_the_packages_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A friction of the first hour: on a server, the bare words 'transport error'."""
     (tmp_path / "a.rrd").write_bytes(b"")
     for name in ("VK_DRIVER_FILES", "VK_ICD_FILENAMES"):
         monkeypatch.setenv(name, str(tmp_path / "none.json"))
@@ -35,6 +36,8 @@ def test_without_a_graphics_driver_the_packages_are_named(tmp_path: Path, monkey
 
 
 def test_a_viewer_that_ends_after_it_has_answered_has_no_graphics_driver() -> None:
+    """A friction of the first hour: the client's 'transport error' where the viewer died late."""
+
     def ask() -> None:
         raise ConnectionError("transport error")
 

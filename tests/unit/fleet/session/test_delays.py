@@ -32,6 +32,7 @@ def test_a_car_alone_comes_as_early_as_it_can() -> None:
 
 
 def test_a_car_that_is_stopped_is_late_by_that_time() -> None:
+    """A friction of the first hour: plan against execution was nowhere to be seen."""
     with one_car() as simulation:
         delays = DelayWatch(simulation.view)
         while not look(delays, simulation) >= 0.0 or simulation.sim_s < 2.0:

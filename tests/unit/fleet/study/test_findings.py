@@ -169,11 +169,13 @@ def test_a_bound_that_some_runs_do_not_know_is_none() -> None:
 
 
 def test_the_page_needs_nothing_else_and_the_plots_are_pictures(tmp_path: Path) -> None:
+    """A friction of the first hour: the bottleneck, a sentence in a column that did not wrap, was cut off."""
     findings = find([*ROWS, row("<b>", 1)], ("greedy", "hungarian", "<b>"))
     plots = charts(findings)
     write_page(tmp_path / "p.html", findings=findings, plots=list(plots.values()), title="a & b", settings="1 < 2")
     page = (tmp_path / "p.html").read_text(encoding="utf-8")
     assert "<b>" not in page
+    assert '<td class="words">cars (at work 78% of the time)</td>' in page
     assert page.count("<svg ") == len(plots) == 3
     assert "knee: 3 cars" in page
     for outside in ("src=", "href=", "url(", "<script", "@import"):

@@ -77,6 +77,7 @@ def test_cells_are_drawn_in_the_colour_of_their_car(shown: tuple[Path, list[Fram
 
 
 def test_waits_are_a_graph_and_arrows_with_circles_in_red(shown: tuple[Path, list[Frame]]) -> None:
+    """A friction of the first hour: who waits for whom had to be guessed, and a circle, too."""
     path, made = shown
     edges = rows(path, "/world/waits", "GraphEdges:edges")
     assert [tuple(edge.values()) for edge in edges[0]] == [(wait.who, wait.whom) for wait in RING]
