@@ -10,6 +10,7 @@ import numpy as np
 from fleet.arrays import FloatArray
 from fleet.charts.chart import COLORS
 from fleet.replay.floor_sheet import ARM, NOSE, FloorSheet
+from fleet.robots.cars.models import CarModels
 from fleet.simulation import Simulation
 from planners.motion.arm.kinematics import link_frames
 
@@ -21,18 +22,11 @@ AWAY = (-1.0, -1.0)
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Take:
-    """Which part of a run is shown, and how large."""
-
-    begin_s: float
-    length_s: float
-    px_per_m: float
-
-
-@dataclass(frozen=True, kw_only=True)
 class Shots:
     """Where everything was, sample by sample."""
 
+    length_s: float
+    """Time that the samples fill [s]."""
     cars: FloatArray
     """x, y, yaw, shape (k, n_cars, 3)."""
     arms: FloatArray
@@ -61,27 +55,26 @@ def film(
     Raises:
         ConfigError: The arms of the run are of several models.
     """
-    take = _Take(begin_s=begin_s, length_s=length_s, px_per_m=px_per_m)
-    shots = _shots(run, take, told)
+    shots = _shots(run, begin_s, length_s, told)
     sheet = FloorSheet(run.site, px_per_m=px_per_m)
     sheet.cells()
     sheet.station_names()
-    body = [*_arms(sheet, shots, take), *_cars(sheet, run, shots, take), *_parcels(sheet, shots, take)]
+    body = [*_arms(sheet, shots), *_cars(sheet, run.scene.cars, shots), *_parcels(sheet, shots)]
     return sheet.drawing.svg().removesuffix("</svg>") + "\n".join([*body, "</svg>\n"])
 
 
-def _shots(run: Simulation, take: _Take, told: Callable[[float], None] | None) -> Shots:
+def _shots(run: Simulation, begin_s: float, length_s: float, told: Callable[[float], None] | None) -> Shots:
     def go_on(until_s: float) -> None:
         while run.sim_s < until_s:
             run.tick()
             if told is not None:
                 told(run.sim_s)
 
-    go_on(take.begin_s)
+    go_on(begin_s)
     cars, arms, parcels = [], [], dict[int, list[FloatArray]]()
-    n_samples = round(take.length_s / SAMPLE_S)
+    n_samples = round(length_s / SAMPLE_S)
     for sample in range(n_samples):
-        go_on(take.begin_s + sample * SAMPLE_S)
+        go_on(begin_s + sample * SAMPLE_S)
         world = run.world
         cars.append(world.car_poses().copy())
         arms.append(_joints(run))
@@ -90,6 +83,7 @@ def _shots(run: Simulation, take: _Take, told: Callable[[float], None] | None) -
         for seen in parcels.values():
             seen.extend([np.array(AWAY)] * (sample + 1 - len(seen)))
     return Shots(
+        length_s=length_s,
         cars=np.array(cars),
         arms=np.array(arms),
         parcels={parcel: np.array(seen) for parcel, seen in parcels.items()},
@@ -108,50 +102,50 @@ def _joints(run: Simulation) -> FloatArray:
     return np.asarray(turned + scene.arm_base[:, None, :2])
 
 
-def _cars(sheet: FloorSheet, run: Simulation, shots: Shots, take: _Take) -> list[str]:
-    px = take.px_per_m
+def _cars(sheet: FloorSheet, models: CarModels, shots: Shots) -> list[str]:
+    px = sheet.px_per_m
     drawn = []
     for car in range(shots.cars.shape[1]):
-        spec = run.scene.cars[car]
+        spec = models[car]
         left, top = -spec.rear_m * px, -spec.half_width_m * px
         long, wide = (spec.rear_m + spec.front_m) * px, 2 * spec.half_width_m * px
         body = f'<rect x="{left:.1f}" y="{top:.1f}" width="{long:.1f}" height="{wide:.1f}"'
         nose = f'<rect x="{spec.front_m * px - 4:.1f}" y="{top:.1f}" width="4" height="{wide:.1f}" fill="{NOSE}"/>'
         spots = [sheet.spot(x, y) for x, y in shots.cars[:, car, :2].tolist()]
         turns = -np.degrees(np.unwrap(shots.cars[:, car, 2]))
-        drive = _values("transform", [f"{x:.1f} {y:.1f}" for x, y in spots], take, kind="translate")
-        turn = _values("transform", [f"{angle:.0f}" for angle in turns], take, kind="rotate")
+        drive = _values("transform", [f"{x:.1f} {y:.1f}" for x, y in spots], shots.length_s, kind="translate")
+        turn = _values("transform", [f"{angle:.0f}" for angle in turns], shots.length_s, kind="rotate")
         shape = f'{body} fill="{COLORS[car % len(COLORS)]}"/>{nose}'
         drawn.append(f"<g>{drive}<g>{turn}{shape}</g></g>")
     return drawn
 
 
-def _arms(sheet: FloorSheet, shots: Shots, take: _Take) -> list[str]:
+def _arms(sheet: FloorSheet, shots: Shots) -> list[str]:
     lines = []
     for arm in range(shots.arms.shape[1]):
         ways = [" ".join("{:.0f},{:.0f}".format(*sheet.spot(x, y)) for x, y in now) for now in shots.arms[:, arm]]
-        moves = _values("points", ways, take)
-        style = f'fill="none" stroke="{ARM}" stroke-width="{0.1 * take.px_per_m:.1f}" stroke-linejoin="round"'
+        moves = _values("points", ways, shots.length_s)
+        style = f'fill="none" stroke="{ARM}" stroke-width="{0.1 * sheet.px_per_m:.1f}" stroke-linejoin="round"'
         lines.append(f'<polyline points="{ways[0]}" {style} stroke-linecap="round">{moves}</polyline>')
     return lines
 
 
-def _parcels(sheet: FloorSheet, shots: Shots, take: _Take) -> list[str]:
+def _parcels(sheet: FloorSheet, shots: Shots) -> list[str]:
     boxes = []
-    edge = PARCEL_M * take.px_per_m
+    edge = PARCEL_M * sheet.px_per_m
     for seen in shots.parcels.values():
         spots = [sheet.spot(x, y) for x, y in seen.tolist()]
         there = ["1" if x > 0 else "0" for x, _ in seen.tolist()]
-        moves = _values("transform", [f"{x:.1f} {y:.1f}" for x, y in spots], take, kind="translate")
-        shows = _values("opacity", there, take, discrete=True)
+        moves = _values("transform", [f"{x:.1f} {y:.1f}" for x, y in spots], shots.length_s, kind="translate")
+        shows = _values("opacity", there, shots.length_s, discrete=True)
         box = f'<rect x="{-edge / 2:.1f}" y="{-edge / 2:.1f}" width="{edge:.1f}" height="{edge:.1f}" fill="{PARCEL}"/>'
         boxes.append(f"<g>{moves}{shows}{box}</g>")
     return boxes
 
 
-def _values(name: str, values: Sequence[str], take: _Take, *, kind: str = "", discrete: bool = False) -> str:
+def _values(name: str, values: Sequence[str], length_s: float, *, kind: str = "", discrete: bool = False) -> str:
     """What an attribute is over time."""
     verb = f'animateTransform type="{kind}"' if kind else "animate"
     how = ' calcMode="discrete"' if discrete else ""
-    lasts = f'dur="{take.length_s:g}s" repeatCount="indefinite"'
+    lasts = f'dur="{length_s:g}s" repeatCount="indefinite"'
     return f'<{verb} attributeName="{name}"{how} {lasts} values="{";".join(values)}"/>'

@@ -69,42 +69,22 @@ class CarMotion(Protocol):
         """Return to a saved state."""
 
 
-class BicycleCars:
-    """Cars as bicycles: speed and steering go to their commands steadily over each tick, within the limits.
+class _CarStates:
+    """Where cars are and how fast, which is all that decides how they move on.
 
-    Tyres do not slip, unless a curve asks for more than their grip: then the car drives a wider one.
+    Attributes:
+        poses: x, y, yaw, shape (n_cars, 3).
+        speeds: Signed forward speeds [m/s], shape (n_cars,).
+        steering: Steering angles [rad], of cars that do not steer yaw rates [rad/s], shape (n_cars,).
 
     Args:
-        models: Models of the cars with their limits.
         start: Poses x, y, yaw, shape (n_cars, 3).
-        tick_s: Length of a tick [s].
-        substep_s: Greatest integration step [s].
-        grip_mps2: Greatest sideways acceleration [m/s^2].
     """
 
-    def __init__(
-        self, models: CarModels, start: FloatArray, tick_s: float, substep_s: float, grip_mps2: float = math.inf
-    ) -> None:
+    def __init__(self, start: FloatArray) -> None:
         self.poses = np.array(start, dtype=np.float64)
         self.speeds = np.zeros(len(start))
         self.steering = np.zeros(len(start))
-        self._limits = np.stack([models.each(number) for number in _LIMITS], axis=1)
-        self._n_substeps = max(1, math.ceil(tick_s / substep_s - 1e-9))
-        self._substep_s = tick_s / self._n_substeps
-        self._grip_mps2 = grip_mps2
-
-    def step(self, commands: FloatArray) -> None:
-        """See `CarMotion`."""
-        _drive(
-            self.poses,
-            self.speeds,
-            self.steering,
-            commands,
-            self._n_substeps,
-            self._substep_s,
-            self._limits,
-            self._grip_mps2,
-        )
 
     def push(self, car: int, dx_m: float, dy_m: float, dyaw_rad: float) -> None:
         """See `CarMotion`."""
@@ -124,16 +104,49 @@ class BicycleCars:
         self.poses[:], self.speeds[:], self.steering[:] = snapshot
 
 
-class UnlikeCars:
+class BicycleCars(_CarStates):
+    """Cars as bicycles: speed and steering go to their commands steadily over each tick, within the limits.
+
+    Tyres do not slip, unless a curve asks for more than their grip: then the car drives a wider one.
+
+    Args:
+        models: Models of the cars with their limits.
+        start: Poses x, y, yaw, shape (n_cars, 3).
+        tick_s: Length of a tick [s].
+        substep_s: Greatest integration step [s].
+        grip_mps2: Greatest sideways acceleration [m/s^2].
+    """
+
+    def __init__(
+        self, models: CarModels, start: FloatArray, tick_s: float, substep_s: float, grip_mps2: float = math.inf
+    ) -> None:
+        super().__init__(start)
+        self._limits = np.stack([models.each(number) for number in _LIMITS], axis=1)
+        self._n_substeps = max(1, math.ceil(tick_s / substep_s - 1e-9))
+        self._substep_s = tick_s / self._n_substeps
+        self._grip_mps2 = grip_mps2
+
+    def step(self, commands: FloatArray) -> None:
+        """See `CarMotion`."""
+        _drive(
+            self.poses,
+            self.speeds,
+            self.steering,
+            commands,
+            self._n_substeps,
+            self._substep_s,
+            self._limits,
+            self._grip_mps2,
+        )
+
+
+class UnlikeCars(_CarStates):
     """Cars of several drives: those that steer as `BicycleCars`, the others as `TwistMotion`; arguments as there."""
 
     def __init__(
         self, models: CarModels, start: FloatArray, tick_s: float, substep_s: float, grip_mps2: float = math.inf
     ) -> None:
-        self.poses = np.array(start, dtype=np.float64)
-        self.speeds = np.zeros(len(start))
-        self.steering = np.zeros(len(start))
-        """Yaw rates of cars that do not steer [rad/s]."""
+        super().__init__(start)
         steers = np.flatnonzero(models.each("turn_base_m") > 0.0)
         self._steered = steers, BicycleCars(models.some(steers), start[steers], tick_s, substep_s, grip_mps2)
         self._twisted = []
@@ -153,23 +166,6 @@ class UnlikeCars:
             motion.step(commands[cars][:, ::-1].copy())
             self.poses[cars], self.speeds[cars], self.steering[cars] = motion.save()
         self.poses[:, 2] = (self.poses[:, 2] + math.pi) % (2.0 * math.pi) - math.pi
-
-    def push(self, car: int, dx_m: float, dy_m: float, dyaw_rad: float) -> None:
-        """See `CarMotion`."""
-        self.poses[car] += (dx_m, dy_m, dyaw_rad)
-
-    def put(self, car: int, pose: FloatArray) -> None:
-        """See `CarMotion`."""
-        self.poses[car] = pose
-        self.speeds[car] = 0.0
-
-    def save(self) -> tuple[npt.NDArray[np.generic], ...]:
-        """See `CarMotion`."""
-        return self.poses.copy(), self.speeds.copy(), self.steering.copy()
-
-    def load(self, snapshot: tuple[npt.NDArray[np.generic], ...]) -> None:
-        """See `CarMotion`."""
-        self.poses[:], self.speeds[:], self.steering[:] = snapshot
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import Annotated
 
 import tyro
 
+from fleet.cli.recordings.picture_file import require_writable
 from fleet.cli.recordings.run_recording import run_of
 from fleet.cli.run_output import plain_console
 from fleet.config import require
@@ -42,9 +42,7 @@ class FilmOfRun:
         from fleet.terminal.progress_bar import Bar
 
         require(SAMPLE_S <= self.length <= MOST_S, "--length", self.length, f"a number from {SAMPLE_S} to {MOST_S:g}")
-        folder = self.svg.parent
-        writable = folder.is_dir() and os.access(folder, os.W_OK) and not self.svg.is_dir()
-        require(writable, "SVG", str(self.svg), "a file in a folder that is there and can be written")
+        require_writable("SVG", self.svg)
         recorded = load_recorded(run_of(self.folder))
         latest_s = recorded.end_s - SAMPLE_S
         within = math.isfinite(self.at) and 0.0 <= self.at <= latest_s

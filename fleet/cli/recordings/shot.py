@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import Annotated
 
 import tyro
 
+from fleet.cli.recordings.picture_file import require_writable
 from fleet.cli.recordings.run_recording import recording_of
 from fleet.cli.run_output import plain_console
 from fleet.config import require
@@ -43,9 +43,7 @@ class Shot:
         require(fits, "--size", self.size, f"WIDTHxHEIGHT, each from 1 to {MOST_PX}")
         require(self.at is None or 0.0 <= self.at < math.inf, "--at", self.at, "a number >= 0")
         path = recording_of(self.folder)
-        folder = self.png.parent
-        writable = folder.is_dir() and os.access(folder, os.W_OK) and not self.png.is_dir()
-        require(writable, "PNG", str(self.png), "a file in a folder that is there and can be written")
+        require_writable("PNG", self.png)
         complaints = screenshot(path, self.png, time_s=self.at, size=(width, height), view=self.view)
         sys.stderr.writelines(f"{complaint}\n" for complaint in complaints)
         plain_console().print(f"picture: {self.png}", soft_wrap=True)

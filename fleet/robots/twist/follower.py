@@ -175,10 +175,7 @@ class TwistFollower:
             Signed speed [m/s] and yaw rate [rad/s], shape (n, 2).
         """
         arrays = _Paths(paths.points, paths.s, paths.direction, paths.count, paths.cursor, paths.progress)
-        for robot in self._robots:
-            _follow(
-                arrays, self._state, robot, poses[robot], speeds[robot], stop_s[robot], speed_cap[robot], self._gains
-            )
+        _follow_all(arrays, self._state, self._robots, poses, speeds, stop_s, speed_cap, self._gains)
         self.progress[:] = paths.progress
         return self._state.last.copy()
 
@@ -261,6 +258,22 @@ def _ramped(target: float, before: float, rise: float, fall: float) -> float:
     if before >= 0.0:
         return min(max(target, before - fall), before + rise)
     return min(max(target, before - rise), before + fall)
+
+
+@njit(cache=True)
+def _follow_all(
+    paths: _Paths,
+    state: _State,
+    robots: IntArray,
+    poses: FloatArray,
+    speeds: FloatArray,
+    stop_s: FloatArray,
+    speed_cap: FloatArray,
+    g: _Gains,
+) -> None:
+    """Move cursors and progress of some robots on their paths, and fill in their commands."""
+    for i in robots:
+        _follow(paths, state, i, poses[i], speeds[i], stop_s[i], speed_cap[i], g)
 
 
 @njit(cache=True)
