@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from fleet.missions.nearest_place import NOWHERE
+from fleet.missions.nearest_place import NOWHERE, PlaceSearch
 from fleet.missions.phases import ON_VISIT
 from fleet.missions.state import Missions
 from fleet.missions.ways import Ways
@@ -58,7 +58,7 @@ class Parking:
         n_free, search = int(free.sum()), self._ways.place_search()
         for k in without.tolist():
             if not n_free:
-                self._wait_on_lane(int(waiting[k]), int(tails[k]), int(goals[k]), tick)
+                self._wait_on_lane(int(waiting[k]), int(tails[k]), int(goals[k]), search, tick)
                 continue
             place = search.nearest(int(tails[k]), free)
             if place == NOWHERE:
@@ -67,9 +67,9 @@ class Parking:
             free[place] = False
             n_free -= 1
 
-    def _wait_on_lane(self, car: int, tail: int, goal: int, tick: int) -> None:
+    def _wait_on_lane(self, car: int, tail: int, goal: int, search: PlaceSearch, tick: int) -> None:
         """Let a car wait where it is, or at the first cell where it may."""
         if self._may_wait[tail]:
             self._ways.wait(car)
-        elif not self._may_wait[goal] and (place := self._ways.first(tail, self._may_wait)) is not None:
+        elif not self._may_wait[goal] and (place := search.nearest(tail, self._may_wait)) != NOWHERE:
             self._ways.send(car, place, rank_s=0.0, stay=False, tick=tick)

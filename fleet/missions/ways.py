@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections import deque
-
 import numpy as np
 import numpy.typing as npt
 
@@ -107,25 +105,6 @@ class Ways:
     def reaches(self, car: int, goal: int) -> bool:
         """Whether a car has a way to a goal."""
         return self.of_car(car, goal) < UNREACHABLE
-
-    def first(self, state: int, wanted: npt.NDArray[np.bool_]) -> int | None:
-        """The first of some states that a car comes to from another one, past all that is blocked; None if to none.
-
-        Args:
-            state: Where the way begins.
-            wanted: Whether each state is one of them, shape (n_states,) or longer.
-        """
-        tables, blocked = self._traffic.tables, self._traffic.blocked
-        seen, ahead = {state}, deque([state])
-        while ahead:
-            for after in tables.after(ahead.popleft()).tolist():
-                if after in seen or blocked[tables.graph.state_cell[after]]:
-                    continue
-                if wanted[after]:
-                    return int(after)
-                seen.add(after)
-                ahead.append(after)
-        return None
 
     def place_search(self) -> PlaceSearch:
         """Searches for places past all that is blocked now."""

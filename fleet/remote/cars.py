@@ -169,19 +169,19 @@ class RemoteCars:
     def _obstacle(self, car: int, way: FloatArray, cells: frozenset[int]) -> str:
         """Why a car may not go a way; empty if it may."""
         run = self._run
-        free, executor = run.site.grid.free.ravel(), run.executor
+        grid, executor = run.site.grid, run.executor
         for cell in sorted(self._under(car, way, -WALL_M)):
-            if cell < 0 or not free[cell]:
-                return "the floor ends" if cell < 0 else f"there is no floor in cell {self._name(cell)}"
+            if cell < 0 or not grid.free.flat[cell]:
+                return "the floor ends" if cell < 0 else f"there is no floor in {grid.words(cell)}"
         holders = executor.dependencies.holders()
         for cell in sorted(cells):
             holder = int(holders[cell])
             if holder == car:
                 continue
             if holder >= 0:
-                return f"cell {self._name(cell)} is held by car_{holder}"
+                return f"{grid.words(cell)} is held by car_{holder}"
             if executor.closed[cell] or run.traffic.blocked[cell] or executor.n_walkers[cell]:
-                return f"cell {self._name(cell)} is closed"
+                return f"{grid.words(cell)} is closed"
         return ""
 
     def _hold(self, paths: PathDriver, car: int, cells: frozenset[int]) -> None:
@@ -203,10 +203,6 @@ class RemoteCars:
         if state != int(run.executor.tail_states()[car]) or dependencies.n_granted(car):
             run.executor.relocate(car, state)
             run.traffic.set_fixed(car, True)
-
-    def _name(self, cell: int) -> str:
-        row, col = divmod(cell, self._run.site.grid.cols)
-        return f"{row},{col}"
 
 
 def _ways(

@@ -50,7 +50,8 @@ class HeadOn:
         self._goal_of = {car: goal for car, goal in self._goal_of.items() if under_way[car] and goals[car] == goal}
         waits = np.flatnonzero(under_way & (still_s > PATIENCE_S)).tolist()
         cells = ways.graph.state_cell[states]
-        wants = {car: _next_cell(ways, int(states[car]), int(goals[car])) for car in waits}
+        ahead = ways.next_states(states[waits], goals[waits])
+        wants = dict(zip(waits, np.where(ahead < 0, -1, ways.graph.state_cell[ahead]).tolist(), strict=True))
         for car in waits:
             for other in waits:
                 if car < other and wants[car] == cells[other] and wants[other] == cells[car]:
@@ -61,14 +62,6 @@ class HeadOn:
                     goes = car if aside <= others else other
                     self._goal_of[goes] = int(goals[goes])
         return sorted(self._goal_of)
-
-
-def _next_cell(ways: DistanceTable, state: int, goal: int) -> int:
-    """The cell that comes next on the shortest way, -1 if there is no way."""
-    states, left = ways.after(state), ways.to(goal)
-    if not states.size or left[states].min() >= UNREACHABLE:
-        return -1
-    return int(ways.graph.state_cell[states[left[states].argmin()]])
 
 
 def _n_aside(ways: DistanceTable, state: int, goal: int, cell: int) -> int:

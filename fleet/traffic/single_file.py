@@ -105,12 +105,10 @@ class SingleFile:
 
 def _enters(ways: DistanceTable, state: int, goal: int, inside: BoolArray) -> bool:
     """Whether the shortest way from a state to a goal leads into a dead end with one of the next moves."""
-    left = ways.to(int(goal))
     for _ in range(ENTRY_MOVES):
-        states = ways.after(int(state))
-        if not states.size:
+        state = ways.next_state(state, goal)
+        if state < 0:
             return False
-        state = states[left[states].argmin()]
         if inside[state]:
             return True
     return False

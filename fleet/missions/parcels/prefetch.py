@@ -40,7 +40,7 @@ class Prefetch:
         perception: Tells where parcels lie.
         tick_s: Length of a tick [s].
         log: Called as ``log(kind, **facts)`` when a parcel is fetched or put back.
-        tray_of: Which kind of tray each car has, shape (n_cars,); None = all have the same.
+        tray_of: Which kind of tray each car has, shape (n_cars,).
     """
 
     def __init__(
@@ -51,7 +51,7 @@ class Prefetch:
         perception: PoseSource,
         tick_s: float,
         log: Callable[..., None],
-        tray_of: IntArray | None = None,
+        tray_of: IntArray,
     ) -> None:
         self._tray_of = tray_of
         self._stations = [
@@ -131,7 +131,7 @@ class Prefetch:
 
     def _tray(self, task: Task) -> int:
         """Which kind of tray the car of a task has; of none, the first kind."""
-        return 0 if self._tray_of is None or task.car is None else int(self._tray_of[task.car])
+        return 0 if task.car is None else int(self._tray_of[task.car])
 
     def _keeps_others_out(self, station: Station, task: Task) -> bool:
         """Whether no car can come to a full rack, and none comes for the parcel in the grip."""

@@ -25,7 +25,7 @@ class Transfers:
         arm_manager: Arm planning and playback.
         driver: Tells where cars are believed to stand.
         world: Tells what arms hold.
-        tray_of: Which kind of tray each car has, shape (n_cars,); None = all have the same.
+        tray_of: Which kind of tray each car has, shape (n_cars,).
     """
 
     def __init__(
@@ -35,7 +35,7 @@ class Transfers:
         arm_manager: ArmManager,
         driver: Driver,
         world: World,
-        tray_of: IntArray | None = None,
+        tray_of: IntArray,
     ) -> None:
         self.arm_manager = arm_manager
         self.inventory = inventory
@@ -47,7 +47,7 @@ class Transfers:
 
     def tray_of(self, car: int) -> int:
         """Which kind of tray a car has."""
-        return 0 if self._tray_of is None else int(self._tray_of[car])
+        return int(self._tray_of[car])
 
     def may_repeat(self, task: Task) -> bool:
         """Whether another transfer may be tried for the present errand of a task."""

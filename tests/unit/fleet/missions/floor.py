@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from fleet.arrays import IntArray
 from fleet.config import AllocationConfig, BatteryConfig, TimeoutConfig, TrafficConfig
 from fleet.dispatch.allocation import TaskAllocation
 from fleet.dispatch.assignments import Assignments
@@ -336,9 +337,13 @@ class Floor:
             raise AssertionError("cars of this floor have no batteries")
         return self.charging
 
+    @property
+    def _tray_of(self) -> IntArray:
+        return np.zeros(self.n_cars, dtype=np.int64)
+
     @cached_property
     def transfers(self) -> Transfers:
-        return Transfers(self.inventory, self.perception, self.arms, self.driver, self.world)
+        return Transfers(self.inventory, self.perception, self.arms, self.driver, self.world, self._tray_of)
 
     @cached_property
     def docks(self) -> Docks:
@@ -367,7 +372,7 @@ class Floor:
 
     @cached_property
     def prefetch(self) -> Prefetch:
-        return Prefetch(self.missions, self.ways, self.arms, self.perception, TICK_S, self.log)
+        return Prefetch(self.missions, self.ways, self.arms, self.perception, TICK_S, self.log, self._tray_of)
 
     @cached_property
     def slots(self) -> Slots:

@@ -94,7 +94,7 @@ def test_it_is_stopped_before_a_cell_of_another_unless_it_is_trusted() -> None:
             ends.append(np.hypot(*(run.world.car_poses()[0, :2] - (x, y))))
             stops = [event.facts["cause"] for event in told if event.kind == "remote_stopped"]
             if not trusted:
-                assert stops == [f"cell {ahead // grid.cols},{ahead % grid.cols} is held by car_1"]
+                assert stops == [f"{grid.words(ahead)} is held by car_1"]
                 assert ahead not in cells_under(run, 0)
     assert ends[0] < 0.6 < ends[1]
 
