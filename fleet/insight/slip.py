@@ -59,6 +59,7 @@ class SlipMeter:
         self._joints = team.joints
         self._base = np.asarray(base, dtype=np.float64).reshape(-1, 4)
         self._frames = np.zeros((team.width + 1, 3, 4))
+        self._now = np.zeros((3, 4))
         self._carries: dict[int, _Carry] = {}
 
     def tick(self, services: Sequence[ArmController], world: World) -> None:
@@ -78,22 +79,30 @@ class SlipMeter:
             seen = (q[arm].tobytes(), pose.tobytes())
             if carry is not None and carry.seen == seen:
                 continue  # where nothing moves, nothing slips
-            now = np.empty((3, 4))
-            _seen_from_link(self._joints[arm], q[arm], self._base[arm], pose, self._frames, now)
+            _seen_from_link(self._joints[arm], q[arm], self._base[arm], pose, self._frames, self._now)
             if carry is None:
-                carry = self._carries[arm] = _Carry(parcel=parcel, gripped=now)
+                carry = self._carries[arm] = _Carry(parcel=parcel, gripped=self._now.copy())
             carry.seen = seen
-            carry.slip_m = float(np.linalg.norm(now[:, 3] - carry.gripped[:, 3]))
+            carry.slip_m, carry.turn_rad = _moved(carry.gripped, self._now)
             carry.most_m = max(carry.most_m, carry.slip_m)
-            # Two rotations by an angle a apart differ by 2 sqrt(2) sin(a / 2) in the sum of squares.
-            apart = float(np.linalg.norm(now[:, :3] - carry.gripped[:, :3])) / math.sqrt(8.0)
-            carry.turn_rad = 2.0 * math.asin(min(apart, 1.0))
 
     def _end(self, arm: int) -> None:
         carry = self._carries.pop(arm)
         self.slips.append(
             Slip(arm=arm, parcel=carry.parcel, slip_m=carry.slip_m, most_m=carry.most_m, turn_rad=carry.turn_rad)
         )
+
+
+@njit(cache=True)
+def _moved(before: FloatArray, now: FloatArray) -> tuple[float, float]:
+    """How far a frame of shape (3, 4) has come [m], and by which angle it has turned [rad]."""
+    way = apart = 0.0
+    for row in range(3):
+        way += (now[row, 3] - before[row, 3]) ** 2
+        for col in range(3):
+            apart += (now[row, col] - before[row, col]) ** 2
+    # Two rotations by an angle a apart differ by 2 sqrt(2) sin(a / 2) in the root of the sum of squares.
+    return math.sqrt(way), 2.0 * math.asin(min(math.sqrt(apart / 8.0), 1.0))
 
 
 @njit(cache=True)

@@ -121,10 +121,10 @@ class SuctionGrip:
         for arm, parcel in enumerate(self.held):
             if parcel < 0:
                 continue
-            force = np.array(self._client.getConstraintState(self._constraint[arm])[:3])
+            felt = self._client.getConstraintState(self._constraint[arm])[:3]
             # Nearly always far below the limit, so the direction of the cup is asked for only when it matters.
-            if np.linalg.norm(force) > self._limit[arm]:
-                axis = rotation(np.array(self._link(arm)[5]))[:, 2]
+            if math.hypot(*felt) > self._limit[arm]:
+                force, axis = np.array(felt), rotation(np.array(self._link(arm)[5]))[:, 2]
                 pull = float(force @ axis)
                 shear = float(np.linalg.norm(force - pull * axis))
                 load = float(np.hypot(max(pull, 0.0), shear))
