@@ -46,6 +46,7 @@ def test_a_film_ends_where_the_run_does(folder: Path, tmp_path: Path) -> None:
         (["RUN", "film.svg", "--at", "nan"], ["--at", "nan"]),
         (["RUN", "film.svg", "--length", "0"], ["--length", "0.25 to 120"]),
         (["RUN", "nowhere/film.svg"], ["SVG", "nowhere"]),
+        (["RUN", "film.gif"], ["SVG", "film.gif", "ends in .svg"]),
         (["nothing", "film.svg"], ["no run in nothing"]),
     ],
 )

@@ -55,6 +55,12 @@ def test_bad_options_of_a_picture_are_one_line(
     assert known in err
 
 
+def test_a_picture_of_another_form_is_one_line(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    status, _, err = said(["shot", str(run), "x.jpg"], capsys)
+    assert (status, err.count("\n")) == (2, 1)
+    assert "PNG is 'x.jpg'; valid: a file whose name ends in .png" in err
+
+
 def test_a_picture_is_asked_for_as_typed(
     run: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -42,7 +42,7 @@ class FilmOfRun:
         from fleet.terminal.progress_bar import Bar
 
         require(SAMPLE_S <= self.length <= MOST_S, "--length", self.length, f"a number from {SAMPLE_S} to {MOST_S:g}")
-        require_writable("SVG", self.svg)
+        require_writable("SVG", self.svg, ".svg")
         recorded = load_recorded(run_of(self.folder))
         latest_s = recorded.end_s - SAMPLE_S
         within = math.isfinite(self.at) and 0.0 <= self.at <= latest_s

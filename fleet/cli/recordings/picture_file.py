@@ -8,16 +8,18 @@ from pathlib import Path
 from fleet.config import require
 
 
-def require_writable(name: str, path: Path) -> None:
+def require_writable(name: str, path: Path, suffix: str) -> None:
     """Refuse a picture that cannot be written, before a run or a viewer has taken its time for it.
 
     Args:
         name: What the command calls it.
         path: The file.
+        suffix: How its name has to end: the only form that is written.
 
     Raises:
-        ConfigError: Its folder is not there or cannot be written, or it is a folder itself.
+        ConfigError: Its name ends otherwise, its folder is not there or cannot be written, or it is a folder itself.
     """
+    require(path.suffix.lower() == suffix, name, str(path), f"a file whose name ends in {suffix}")
     folder = path.parent
     writable = folder.is_dir() and os.access(folder, os.W_OK) and not path.is_dir()
     require(writable, name, str(path), "a file in a folder that is there and can be written")

@@ -43,7 +43,7 @@ class Shot:
         require(fits, "--size", self.size, f"WIDTHxHEIGHT, each from 1 to {MOST_PX}")
         require(self.at is None or 0.0 <= self.at < math.inf, "--at", self.at, "a number >= 0")
         path = recording_of(self.folder)
-        require_writable("PNG", self.png)
+        require_writable("PNG", self.png, ".png")
         complaints = screenshot(path, self.png, time_s=self.at, size=(width, height), view=self.view)
         sys.stderr.writelines(f"{complaint}\n" for complaint in complaints)
         plain_console().print(f"picture: {self.png}", soft_wrap=True)
