@@ -26,6 +26,7 @@ from fleet.missions.docks import Docks
 from fleet.missions.parcels.aboard import Aboard
 from fleet.missions.parcels.inventory import Inventory
 from fleet.missions.parcels.perception import SeenPoses, TruePoses
+from fleet.missions.parcels.planned_loads import PlannedLoads
 from fleet.missions.parcels.prefetch import Prefetch
 from fleet.missions.parcels.slots import Slots
 from fleet.missions.parcels.transfer_requests import Transfers
@@ -200,16 +201,16 @@ def assemble(
         in_use = places.chargers[: config.battery.chargers_n]
         charging = Charging(batteries, in_use, len(stations), missions, ways, admission, log)
     cost_model = CostModel(config.allocation, missions, ways, routes, fitness, charging)
-    horizon = RollingHorizon(config.allocation, missions, ways, routes)
+    per_kind = [len(kind.tray_places) if config.allocation.fill_trays else 1 for kind in scene.cars.kinds]
+    loads = PlannedLoads(missions, np.array(per_kind, dtype=np.int64)[scene.cars.kind_of])
+    horizon = RollingHorizon(config.allocation, missions, ways, routes, loads)
     solver = Solver(config.allocation, log)
     visit_queue = VisitQueue(missions, places, ways, reasons)
     offers = Offers(missions, ways, routes, fitness, open_deliveries, visit_queue)
     allocation = parts.allocation(missions, cost_model, solver, offers, turns, horizon, reasons)
     tray_of = scene.cars.tray_of
     transfers = Transfers(inventory, perception, arm_manager, driver, world, tray_of)
-    per_kind = [len(kind.tray_places) if config.allocation.fill_trays else 1 for kind in scene.cars.kinds]
-    n_places = np.array(per_kind, dtype=np.int64)[scene.cars.kind_of]
-    aboard = Aboard(missions, ways, slots, open_deliveries, abilities, n_places, log)
+    aboard = Aboard(missions, ways, slots, open_deliveries, abilities, loads, log)
     docks = Docks(missions, ways, services, transfers, admission, aboard, log)
     visits = Visits(missions, places, routes, ways, charging, world, log)
     fastest_move_s = site.grid.cell_m / scene.cars.most("max_speed_mps")

@@ -100,7 +100,8 @@ class TaskAllocation:
         if not len(cars) and not situation.exchange:
             return Choice(taken=[], given=[])  # why tasks wait is told in the rounds in which they change hands
         booked = self._turns.all(now_s)
-        offer = self._offers.of(cars, len(held), situation.begins(soon_s)[cars], booked.turns)
+        kept = self._horizon.loads.spoken_for(held)
+        offer = self._offers.of(cars, len(held), situation.begins(soon_s)[cars], booked.turns, kept)
         n = len(offer.tasks)
         if not n and len(held) < 2:
             return Choice(taken=[], given=[])
@@ -139,7 +140,7 @@ class TaskAllocation:
         problem = self._solver.problem(costs, columns, rows, held, horizon)
         assignment = self._solver.solve(problem)
         if horizon is not None:
-            horizon.keep(costs, problem, assignment, columns, cars)
+            horizon.keep(costs, problem, assignment, columns, cars, soon)
         for row, k in _in_turn(assignment):
             car, column = int(cars[row]), columns[k]
             if soon[car]:

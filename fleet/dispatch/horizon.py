@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from fleet.arrays import BoolArray
 from fleet.config import AllocationConfig
 from fleet.dispatch.cost_model import CostMatrix
+from fleet.missions.parcels.planned_loads import PlannedLoads
 from fleet.missions.state import Missions
 from fleet.missions.visit_routes import VisitRoutes
 from fleet.missions.ways import STEP_S, Ways
@@ -27,14 +29,18 @@ class RollingHorizon:
         missions: Stations, their rooms and how long their arms take.
         ways: How far places are.
         routes: Of visits.
+        loads: Places in cars' trays; told of what is planned for them.
     """
 
-    def __init__(self, config: AllocationConfig, missions: Missions, ways: Ways, routes: VisitRoutes) -> None:
+    def __init__(
+        self, config: AllocationConfig, missions: Missions, ways: Ways, routes: VisitRoutes, loads: PlannedLoads
+    ) -> None:
         self._config = config
         self._stations = missions.stations
         self._bookings = missions.bookings
         self._ways = ways
         self._routes = routes
+        self.loads = loads
         self._plan: list[tuple[int, int]] = []  # task and car, in order
 
     def change(self, config: AllocationConfig) -> None:
@@ -48,9 +54,17 @@ class RollingHorizon:
         assignment: Assignment,
         columns: list[int],
         cars: npt.NDArray[np.intp],
+        soon: BoolArray,
     ) -> None:
-        """Remember the plan for some tasks, by their columns among the prices, and some cars."""
+        """Remember the plan for some tasks, by their columns among the prices, and some cars.
+
+        What cars that cannot take a task now, `soon`, are to be loaded with first is theirs to begin later.
+        """
         self._plan = []
+        for row, sequence in enumerate(assignment.sequence if problem.shop is not None else ()):
+            if problem.shop is not None and not soon[cars[row]]:
+                n = problem.shop.n_together(row, sequence)
+                self.loads.plan(int(cars[row]), [costs.tasks[columns[k]] for k in sequence[:n]])
         if assignment.timetable is None or problem.shop is None:
             return
         start_s = assignment.timetable.start_s[problem.shop.first_errand[:-1]].tolist()
@@ -108,6 +122,7 @@ class RollingHorizon:
             station=np.where(served, place, NO_STATION).astype(np.int32),
             service_s=np.where(served, service_s[np.where(served, place, 0)], stand_s),
             free_s=self._stations.times.all_left_s(now_s),
+            n_carried=self.loads.n_places[cars].astype(np.int32),
             n_buffer_places=np.array(self._bookings.caps[:n_stations], dtype=np.int32),
             release_s=np.zeros(len(tasks)),
             due_s=due_s - now_s,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Set
 from dataclasses import dataclass
 
 import numpy as np
@@ -68,7 +68,14 @@ class Offers:
         self._loading = missions.stations.loading()
         self._docks = np.array([station.dock_state for station in self._loading], dtype=np.int32)
 
-    def of(self, cars: npt.NDArray[np.intp], n_held: int, states: npt.NDArray[np.int32], turns: TakenTurns) -> Offer:
+    def of(
+        self,
+        cars: npt.NDArray[np.intp],
+        n_held: int,
+        states: npt.NDArray[np.int32],
+        turns: TakenTurns,
+        kept: Set[int] = frozenset(),
+    ) -> Offer:
         """Tasks for some cars.
 
         Args:
@@ -76,6 +83,7 @@ class Offers:
             n_held: How many of them have one that they may give away.
             states: Lane-graph state in which each can begin, shape (n,).
             turns: Turns that are taken.
+            kept: Indices of tasks that are kept for other cars.
         """
         tasks: list[Task] = []
         not_before_s: list[float] = []
@@ -89,7 +97,7 @@ class Offers:
                 continue
             n_turns = int(longest_s / turns.pace.cycle_s[station.arm]) + 1
             urgent = self._open.urgent(station.name, lambda task: self._fitness.fits_any(task, cars))
-            here = self._first(urgent, min(share, n_turns) + N_SPARE, cars)
+            here = self._first((task for task in urgent if task.index not in kept), min(share, n_turns) + N_SPARE, cars)
             # Those that are due first are to be done first, so the others are begun after them.
             here.sort(key=by_due)
             begin_s = next_turns(turns, station.arm, len(here)).tolist()

@@ -119,7 +119,7 @@ def situation_of(
     """Look at all cars; those that are to pick a task may give it away only where tasks are exchanged.
 
     When busy cars will be free is found from the ways that are left and the service times that were learnt; queues are
-    not foreseen.
+    not foreseen. What a car has aboard it brings away afterwards, nearest first.
     """
     phase, state = missions.phase_index, missions.task_state
     assigned = (state == _ASSIGNED) & _UNDER_WAY[phase]
@@ -172,4 +172,13 @@ def _when_free(
     at_docks_s = np.where(unloading, left_s[drop], np.where(carried, mean_s[drop], load_s + mean_s[drop]))
     state[cars] = stations.dock_states[drop]
     free_s[cars] = np.where(moves < UNREACHABLE, moves * STEP_S + at_docks_s, np.inf)
+    for car, aboard in enumerate(missions.aboard):
+        drops = [stations.named(task.delivery.drop).arm for task in aboard]
+        while drops and np.isfinite(free_s[car]):
+            at = int(state[car])
+            drop = min(drops, key=lambda arm: (ways.between(at, int(stations.dock_states[arm])), arm))
+            drops.remove(drop)
+            state[car] = stations.dock_states[drop]
+            n_moves = ways.between(at, int(state[car]))
+            free_s[car] += n_moves * STEP_S + mean_s[drop] if n_moves < UNREACHABLE else np.inf
     return state, free_s

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, fields
 
 import numpy as np
@@ -25,6 +27,10 @@ class Shop:
     is served, and drives on; at an errand without one it stands for the service time. Jobs are the tasks of the
     allocation problem and vehicles its vehicles, by index; whether a vehicle may do a job is said there, by an
     infinite cost.
+
+    A vehicle that may carry several jobs does those together that come one after the other in its list and begin at the
+    same place, as many as it may: the first errand of each, then the second of each in the same order. That is so for
+    jobs of two errands, both at stations.
 
     What is to be small: `makespan_weight` x the end of the last job, plus `weight` x the end of each job, plus
     `late_weight` x the time it ends after its due date, plus `late_cost` if it ends after its due date at all.
@@ -51,6 +57,8 @@ class Shop:
     """When each station has served those that are there or on their way already, shape (n_stations,)."""
     n_buffer_places: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int32))
     """Vehicles that stand at each station at most, the one it serves included, >= 1, shape (n_stations,)."""
+    n_carried: IntArray | None = None
+    """Jobs that each vehicle may carry at once, >= 1, shape (n_vehicles,); None = 1 each."""
     release_s: FloatArray | None = None
     """Its first errand is not served sooner, shape (n_jobs,); None = at any time."""
     due_s: FloatArray | None = None
@@ -92,12 +100,44 @@ class Shop:
         """Number of stations."""
         return len(self.free_s)
 
+    @functools.cached_property
+    def loaded_at(self) -> IntArray:
+        """Place at which each job may be loaded with others, -1 = it is done by itself, shape (n_jobs,)."""
+        first, last = self.first_errand[:-1], self.first_errand[1:] - 1
+        served = (self.station[first] != NO_STATION) & (self.station[last] != NO_STATION)
+        return np.where((last == first + 1) & served, self.place[first], -1).astype(np.int32)
+
+    def n_together(self, vehicle: int, jobs: Sequence[int]) -> int:
+        """How many of the first of some jobs a vehicle does together, if it does these jobs in order."""
+        most = 1 if self.n_carried is None else int(self.n_carried[vehicle])
+        n = min(1, len(jobs))
+        while n < min(len(jobs), most) and self.loaded_at[jobs[n]] == self.loaded_at[jobs[0]] >= 0:
+            n += 1
+        return n
+
+    def tours(self, order: IntArray, vehicle: IntArray) -> Iterator[tuple[int, list[int]]]:
+        """Vehicles and the jobs that each does together, one or more, as they come in a plan.
+
+        Args:
+            order: Jobs that are planned, in order, shape (n,).
+            vehicle: Vehicle of each job, shape (n_jobs,).
+        """
+        left: list[list[int]] = [[] for _ in range(self.n_vehicles)]
+        for job in order.tolist():
+            left[vehicle[job]].append(job)
+        for job in order.tolist():
+            v = int(vehicle[job])
+            if left[v] and left[v][0] == job:
+                n = self.n_together(v, left[v])
+                yield v, left[v][:n]
+                del left[v][:n]
+
     def _check_lengths(self) -> None:
         jobs, errands = self.n_jobs, len(self.place)
         for name, n in (
             *(("start", self.n_vehicles), ("ready_s", self.n_vehicles)),
             *(("place", errands), ("station", errands), ("service_s", errands)),
-            *(("free_s", self.n_stations), ("n_buffer_places", self.n_stations)),
+            *(("free_s", self.n_stations), ("n_buffer_places", self.n_stations), ("n_carried", self.n_vehicles)),
             *(("release_s", jobs), ("due_s", jobs), ("weight", jobs), ("late_weight", jobs), ("late_cost", jobs)),
             ("first_vehicle", jobs),
         ):
@@ -116,6 +156,7 @@ class Shop:
             ("place", 0, len(self.travel_s)),
             ("station", NO_STATION, self.n_stations),
             ("n_buffer_places", 1, None),
+            ("n_carried", 1, None),
             ("first_order", 0, self.n_jobs),
         ):
             value = getattr(self, name)

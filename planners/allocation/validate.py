@@ -19,8 +19,9 @@ class Fault:
 
     kind: str
     """unknown, vehicle_twice, task_twice, not_allowed, cost; of tasks planned ahead also not_first (the pair of a
-    vehicle is not its first task), planned_twice, travel, release, service, closed (before the station is free),
-    overlap (two served at once), buffer, objective."""
+    vehicle is not its first task), planned_twice, travel, release, service, errands (not in the task's order), load
+    (more tasks aboard than may be), closed (before the station is free), overlap (two served at once), buffer,
+    objective."""
     pair: tuple[int, int] | None
     """(vehicle, task); for vehicle_twice and task_twice the other one is -1; None where no pair is to blame."""
 
@@ -83,26 +84,34 @@ def _timetable_faults(shop: Shop, times: Timetable, sequence: tuple[tuple[int, .
     visits: list[tuple[int, int, int]] = []  # (errand, vehicle, task) at a station
     for vehicle, tasks in enumerate(sequence):
         at, now_s = int(shop.start[vehicle]), float(shop.ready_s[vehicle])
-        for task in tasks:
+        begun: dict[int, int] = {}  # errands done of each task that has not ended
+        for task, errand in _drive(shop, times, vehicle, tasks):
             pair = (vehicle, task)
             if times.vehicle[task] != vehicle:
                 found.append(Fault(kind="unknown", pair=pair))
-            for errand in range(int(shop.first_errand[task]), int(shop.first_errand[task + 1])):
-                # Written so that a time that is not a number is a fault.
-                if not times.arrive_s[errand] >= now_s + shop.travel_s[at, shop.place[errand]] - TOLERANCE_S:
-                    found.append(Fault(kind="travel", pair=pair))
-                in_order = times.arrive_s[errand] <= times.enter_s[errand] <= times.start_s[errand]
-                if not (
-                    in_order
-                    and abs(times.start_s[errand] + shop.service_s[errand] - times.end_s[errand]) <= TOLERANCE_S
-                ):
-                    found.append(Fault(kind="service", pair=pair))
-                if shop.station[errand] >= 0:
-                    visits.append((errand, vehicle, task))
-                at, now_s = int(shop.place[errand]), float(times.end_s[errand])
-            first = int(shop.first_errand[task])
-            if shop.release_s is not None and times.start_s[first] < shop.release_s[task] - TOLERANCE_S:
+            # Written so that a time that is not a number is a fault.
+            if not times.arrive_s[errand] >= now_s + shop.travel_s[at, shop.place[errand]] - TOLERANCE_S:
+                found.append(Fault(kind="travel", pair=pair))
+            in_order = times.arrive_s[errand] <= times.enter_s[errand] <= times.start_s[errand]
+            if not (
+                in_order and abs(times.start_s[errand] + shop.service_s[errand] - times.end_s[errand]) <= TOLERANCE_S
+            ):
+                found.append(Fault(kind="service", pair=pair))
+            if shop.station[errand] >= 0:
+                visits.append((errand, vehicle, task))
+            at, now_s = int(shop.place[errand]), float(times.end_s[errand])
+            first, end = int(shop.first_errand[task]), int(shop.first_errand[task + 1])
+            if errand != first + begun.get(task, 0):
+                found.append(Fault(kind="errands", pair=pair))
+            begun[task] = errand - first + 1
+            if len(begun) > (1 if shop.n_carried is None else int(shop.n_carried[vehicle])):
+                found.append(Fault(kind="load", pair=pair))
+            release_s = -math.inf if shop.release_s is None or errand != first else float(shop.release_s[task])
+            if times.start_s[errand] < release_s - TOLERANCE_S:
                 found.append(Fault(kind="release", pair=pair))
+            if errand < end - 1:
+                continue
+            del begun[task]
             objective += now_s * (1.0 if shop.weight is None else float(shop.weight[task]))
             if shop.due_s is not None and now_s > shop.due_s[task]:
                 late_weight = 1.0 if shop.late_weight is None else float(shop.late_weight[task])
@@ -115,6 +124,18 @@ def _timetable_faults(shop: Shop, times: Timetable, sequence: tuple[tuple[int, .
     if not found and not math.isclose(objective, times.objective, rel_tol=1e-9, abs_tol=1e-6):
         found.append(Fault(kind="objective", pair=None))
     return found
+
+
+def _drive(shop: Shop, times: Timetable, vehicle: int, tasks: tuple[int, ...]) -> list[tuple[int, int]]:
+    """Tasks and errands of a vehicle: in the order of its list, or of the timetable if it may carry several tasks."""
+    errands = [
+        (task, errand)
+        for task in tasks
+        for errand in range(int(shop.first_errand[task]), int(shop.first_errand[task + 1]))
+    ]
+    if shop.n_carried is not None and shop.n_carried[vehicle] > 1:
+        errands.sort(key=lambda pair: float(times.start_s[pair[1]]))
+    return errands
 
 
 def _station_faults(shop: Shop, times: Timetable, visits: list[tuple[int, int, int]]) -> list[Fault]:

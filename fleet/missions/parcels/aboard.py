@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from itertools import islice
+from itertools import chain, islice
 
-from fleet.arrays import IntArray
+from fleet.missions.parcels.planned_loads import PlannedLoads
 from fleet.missions.parcels.slots import Slots
 from fleet.missions.phases import CarPhase
 from fleet.missions.state import Missions
@@ -25,9 +25,10 @@ N_DETOUR = 8
 class Aboard:
     """Which parcels cars take beside the one that they came for, and in which order they are brought away.
 
-    A car that has been loaded takes another delivery that begins at the same station, if its tray has a place, all of
-    it is not too heavy for it, and one of both drop stations lies nearly on the way to the other one: `N_DETOUR`. It
-    brings away what it carries nearest first.
+    A car that has been loaded takes another delivery that begins at the same station, if its tray has a place and all
+    of it is not too heavy for it: first what was planned for it, then what no other car is to have and of which one of
+    both drop stations lies nearly on the way to the other one, `N_DETOUR`. It brings away what it carries nearest
+    first.
 
     Args:
         missions: What cars are about.
@@ -35,7 +36,7 @@ class Aboard:
         slots: Puts parcels on racks.
         open_deliveries: What no car has yet.
         abilities: What each car can do.
-        n_places: Places in each car's tray, shape (n_cars,).
+        loads: Places in each car's tray, and what is planned for them.
         log: Called as ``log(kind, **facts)`` when a car takes one more.
     """
 
@@ -46,7 +47,7 @@ class Aboard:
         slots: Slots,
         open_deliveries: OpenDeliveries,
         abilities: Sequence[Ability],
-        n_places: IntArray,
+        loads: PlannedLoads,
         log: Callable[..., None],
     ) -> None:
         self._missions = missions
@@ -54,9 +55,9 @@ class Aboard:
         self._slots = slots
         self._open = open_deliveries
         self._abilities = abilities
-        self._n_places = n_places
+        self._loads = loads
         self._log = log
-        self.any = bool((n_places > 1).any())
+        self.any = bool((loads.n_places > 1).any())
         """Whether any car has room for several."""
 
     def take_more(self, station: Station, car: int, now_s: float) -> Task | None:
@@ -69,10 +70,16 @@ class Aboard:
         """
         missions = self._missions
         had = missions.task_of[car]
-        if had is None or car in missions.leaving or len(missions.aboard[car]) + 1 >= self._n_places[car]:
+        if had is None or car in missions.leaving or len(missions.aboard[car]) + 1 >= self._loads.n_places[car]:
             return None
         carried = [had, *missions.aboard[car]]
-        for task in islice(self._open.urgent(station.name), N_LOOKED_AT):
+        planned, of_others = self._loads.of(car), self._loads.spoken_for((car,))
+        near = (
+            task
+            for task in islice(self._open.urgent(station.name), N_LOOKED_AT)
+            if task.index not in of_others and all(self._on_one_way(station, other, task) for other in carried)
+        )
+        for task in chain(planned, near):
             if self._fits(station, car, carried, task):
                 task.pick = station.name
                 if self._slots.take(task, now_s):
@@ -95,13 +102,13 @@ class Aboard:
         ability, drop = self._abilities[car], self._missions.stations.named(task.delivery.drop)
         load_kg = sum(other.delivery.mass_kg for other in carried)
         return (
-            (task.pick_slot is None or task.pick == station.name)
+            station.name in task.delivery.picks
+            and (task.pick_slot is None or task.pick == station.name)
             and not task.order.same_car_as
             and car not in task.shunned
             and ability.fits(task.order)
             and load_kg + task.delivery.mass_kg <= ability.max_payload_kg
             and not self._missions.bookings.closed[drop.arm]
-            and all(self._on_one_way(station, other, task) for other in carried)
             and self._to_drop(car, task) < UNREACHABLE
         )
 

@@ -238,17 +238,19 @@ class Cars:
         motor, motors = client.setJointMotorControl2, client.setJointMotorControlArray
         velocity, position = client.VELOCITY_CONTROL, client.POSITION_CONTROL
         changed = self._changed[:n_changed].tolist()
-        rows = zip(changed, steering.tolist(), speeds.tolist(), spins.tolist(), angles.tolist(), strict=True)
-        for car, turn, speed, spin, (left_rad, right_rad) in rows:
+        for number, model in enumerate(kinds):
+            if model.differential is not None:
+                own_rows = np.flatnonzero(self.models.kind_of[self._changed[:n_changed]] == number)
+                spins[own_rows, :2] = _sides(model.differential, steering[own_rows], speeds[own_rows])
+        rows = zip(changed, speeds.tolist(), spins.tolist(), angles.tolist(), strict=True)
+        for car, speed, spin, (left_rad, right_rad) in rows:
             kind = self._kinds[car]
             body, own, joints = self.bodies[car], self._motors[kind], self._joints_of[kind]
-            torque = own.brake_nm if speed == 0.0 else own.drive_nm
-            if (differential := kinds[kind].differential) is not None:
-                sides = _sides(differential, turn, speed)
-                motors(body, joints.wheels, velocity, targetVelocities=sides, forces=[torque] * len(joints.wheels))
+            torque, n_wheels = own.brake_nm if speed == 0.0 else own.drive_nm, len(joints.wheels)
+            motors(body, joints.wheels, velocity, targetVelocities=spin[:n_wheels], forces=[torque] * n_wheels)
+            if not joints.hinges:
                 continue
             rate, (left, right) = kinds[kind].max_steering_rate_radps, joints.hinges
-            motors(body, joints.wheels, velocity, targetVelocities=spin, forces=[torque] * len(WHEELS))
             motor(body, left, position, left_rad, 0.0, own.steer_nm, own.steer_gain, 1.0, rate)
             motor(body, right, position, right_rad, 0.0, own.steer_nm, own.steer_gain, 1.0, rate)
 
@@ -611,13 +613,21 @@ def _limited(motors: CarMotors, share: float) -> CarMotors:
     return replace(motors, **torques)
 
 
-def _sides(drive: DifferentialDrive, yaw_rate: float, speed: float) -> list[float]:
-    """Speeds of the left and the right roller for a command, within what their rims can do [rad/s]."""
+def _sides(drive: DifferentialDrive, yaw_rates: FloatArray, speeds: FloatArray) -> FloatArray:
+    """Speeds of the left and the right roller for commands, within what rims can do [rad/s], shape (n, 2)."""
     limits, chassis = drive.limits, drive.chassis
-    share = shared(speed, yaw_rate, limits.max_yaw_rate_radps, limits.max_rim_mps, limits.lever_m)
-    rims = chassis.skid.rims(np.array([[share * speed, share * yaw_rate]]))
-    sides: list[float] = (chassis.skid.contacts(rims)[0] / chassis.radius_m).tolist()
-    return sides
+    share = _shares(speeds, yaw_rates, limits.max_yaw_rate_radps, limits.max_rim_mps, limits.lever_m)
+    rims = chassis.skid.rims(np.stack((share * speeds, share * yaw_rates), axis=1))
+    return chassis.skid.contacts(rims) / chassis.radius_m
+
+
+@njit(cache=True)
+def _shares(speeds: FloatArray, yaw_rates: FloatArray, max_yaw_rate: float, max_rim: float, lever: float) -> FloatArray:
+    """`shared` of each command, shape (n,)."""
+    shares = np.empty(len(speeds))
+    for k in range(len(speeds)):
+        shares[k] = shared(speeds[k], yaw_rates[k], max_yaw_rate, max_rim, lever)
+    return shares
 
 
 def _split(numbers: list[float], length: int) -> list[list[float]]:

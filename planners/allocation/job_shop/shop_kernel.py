@@ -1,10 +1,11 @@
 """Kernels of the coupled problem: the timetable of a plan, plans made job by job, and plans made better.
 
-A plan is an order of jobs and a vehicle for each. Jobs are put into the timetable in that order: the vehicle drives
-to its next errand, and its station serves it in the first gap that is long enough. So every plan is feasible, and every
-timetable in which nobody could start sooner on his own has a plan if each job has one station. Source: the serial
-schedule generation scheme, Kolisch, "Serial and parallel resource-constrained project scheduling methods revisited",
-European Journal of Operational Research 90, 1996.
+A plan is an order of jobs and a vehicle for each. Jobs are put into the timetable in that order, what a vehicle does
+together with the first of it: the vehicle drives to its next errand, and its station serves it in the first gap that is
+long enough. So every plan is feasible, and every timetable in which nobody could start sooner on his own has a plan if
+each job has one station and each vehicle carries one. Source: the serial schedule generation scheme, Kolisch, "Serial
+and parallel resource-constrained project scheduling methods revisited", European Journal of Operational Research 90,
+1996.
 
 Without `_nrt=False` numba counts the references of every array of a bundle at every use, which takes nine tenths of
 the time of a timetable.
@@ -56,6 +57,10 @@ class Arrays(NamedTuple):
     class_of: Int64Array
     extra: FloatArray
     """What each pair adds to the objective, inf = not allowed, shape (n_vehicles, n_jobs)."""
+    n_carried: Int64Array
+    """Jobs that each vehicle may carry at once."""
+    loaded_at: Int64Array
+    """Place at which each job may be loaded with others, -1 = none."""
 
 
 class PartialSchedule(NamedTuple):
@@ -71,6 +76,14 @@ class PartialSchedule(NamedTuple):
     """End of it."""
     n_services: Int64Array
     """Services booked, by station."""
+    loads_at: Int64Array
+    """Place at which each vehicle was loaded last, -1 = none, or it has brought all away."""
+    loaded_s: FloatArray
+    """When it was."""
+    n_loads: Int64Array
+    """Jobs that it was loaded with there; while a plan is evaluated, jobs ahead in its list that are put in already."""
+    together: Int64Array
+    """Jobs that are done together, memory as long as the most that are carried."""
 
 
 class JobPlan(NamedTuple):
@@ -102,6 +115,10 @@ def empty_schedule(shop: Arrays) -> PartialSchedule:
         begin_s=np.empty(shape),
         end_s=np.empty(shape),
         n_services=np.empty(shape[0], dtype=np.int64),
+        loads_at=np.empty_like(shop.start),
+        loaded_s=np.empty_like(shop.ready_s),
+        n_loads=np.empty_like(shop.start),
+        together=np.empty(int(shop.n_carried.max(initial=1)), dtype=np.int64),
     )
 
 
@@ -110,6 +127,8 @@ def _clear(shop: Arrays, schedule: PartialSchedule) -> None:
     for v in range(len(shop.start)):
         schedule.at[v] = shop.start[v]
         schedule.ready_s[v] = shop.ready_s[v]
+        schedule.loads_at[v] = -1
+        schedule.n_loads[v] = 0
     for m in range(len(shop.free_s)):
         schedule.begin_s[m, 0] = -np.inf
         schedule.end_s[m, 0] = shop.free_s[m]
@@ -117,38 +136,115 @@ def _clear(shop: Arrays, schedule: PartialSchedule) -> None:
 
 
 @njit(**_OPTIONS)
+def _served(shop: Arrays, schedule: PartialSchedule, service: Int, now_s: Number, book: bool) -> Number:
+    """When a service ends that a vehicle has come to, inf = it never does; `book` puts it into the schedule."""
+    if now_s == np.inf:
+        return now_s
+    m, service_s = shop.station[service], shop.service_s[service]
+    n = schedule.n_services[m]
+    i = n
+    while i > 1 and schedule.end_s[m, i - 1] > now_s:
+        i -= 1
+    now_s = max(now_s, schedule.end_s[m, i - 1])
+    while i < n and schedule.begin_s[m, i] < now_s + service_s:
+        now_s = schedule.end_s[m, i]
+        i += 1
+    if book:
+        for k in range(n, i, -1):
+            schedule.begin_s[m, k] = schedule.begin_s[m, k - 1]
+            schedule.end_s[m, k] = schedule.end_s[m, k - 1]
+        schedule.begin_s[m, i] = now_s
+        schedule.end_s[m, i] = now_s + service_s
+        schedule.n_services[m] = n + 1
+    return now_s + service_s
+
+
+@njit(**_OPTIONS)
 def _job_end(shop: Arrays, schedule: PartialSchedule, job: Int, vehicle: Int, book: bool) -> Number:
     """When a job would end at the end of a vehicle's list, inf = no way; `book` puts it into the schedule."""
     now_s: Number = schedule.ready_s[vehicle] + shop.travel_s[schedule.at[vehicle], shop.first_place[job]]
     now_s = max(now_s, shop.release_s[job])
-    if now_s == np.inf:
-        return now_s
     for service in range(shop.first_service[job], shop.first_service[job + 1]):
-        now_s += shop.lead_s[service]
-        if now_s == np.inf:
-            return now_s
-        m, service_s = shop.station[service], shop.service_s[service]
-        n = schedule.n_services[m]
-        i = n
-        while i > 1 and schedule.end_s[m, i - 1] > now_s:
-            i -= 1
-        now_s = max(now_s, schedule.end_s[m, i - 1])
-        while i < n and schedule.begin_s[m, i] < now_s + service_s:
-            now_s = schedule.end_s[m, i]
-            i += 1
-        if book:
-            for k in range(n, i, -1):
-                schedule.begin_s[m, k] = schedule.begin_s[m, k - 1]
-                schedule.end_s[m, k] = schedule.end_s[m, k - 1]
-            schedule.begin_s[m, i] = now_s
-            schedule.end_s[m, i] = now_s + service_s
-            schedule.n_services[m] = n + 1
-        now_s += service_s
+        now_s = _served(shop, schedule, service, now_s + shop.lead_s[service], book)
     now_s += shop.tail_s[job]
-    if book:
+    if book and now_s < np.inf:
         schedule.at[vehicle] = shop.last_place[job]
         schedule.ready_s[vehicle] = now_s
     return now_s
+
+
+@njit(**_OPTIONS)
+def _likely_end(shop: Arrays, schedule: PartialSchedule, job: Int, vehicle: Int, book: bool) -> Number:
+    """As `_job_end`, but a vehicle that has room loads the job with what it was loaded with last, at the same place.
+
+    What it has aboard then comes to its stations later than they are booked for, which `evaluate` finds out.
+    """
+    place, most = shop.loaded_at[job], shop.n_carried[vehicle]
+    if most == 1 or place < 0:
+        if book:
+            schedule.loads_at[vehicle] = -1
+        return _job_end(shop, schedule, job, vehicle, book)
+    joins = schedule.loads_at[vehicle] == place and schedule.n_loads[vehicle] < most
+    begin_s: Number = schedule.loaded_s[vehicle]
+    if not joins:
+        begin_s = schedule.ready_s[vehicle] + shop.travel_s[schedule.at[vehicle], place]
+    begin_s = max(begin_s, shop.release_s[job])
+    second = shop.first_service[job] + 1
+    loaded_s = _served(shop, schedule, second - 1, begin_s, book)
+    now_s = loaded_s + shop.lead_s[second]
+    if joins:
+        now_s = schedule.ready_s[vehicle] + loaded_s - schedule.loaded_s[vehicle]
+        now_s += shop.travel_s[schedule.at[vehicle], shop.last_place[job]]
+    now_s = _served(shop, schedule, second, now_s, book)
+    if book and now_s < np.inf:
+        schedule.at[vehicle], schedule.ready_s[vehicle] = shop.last_place[job], now_s
+        schedule.loads_at[vehicle], schedule.loaded_s[vehicle] = place, loaded_s
+        schedule.n_loads[vehicle] = schedule.n_loads[vehicle] + 1 if joins else 1
+    return now_s
+
+
+@njit(**_OPTIONS)
+def _load_together(
+    shop: Arrays, schedule: PartialSchedule, order: Int64Array, vehicle: Int64Array, position: Int
+) -> int:
+    """Load a vehicle with the job at a position and those that it does together with it; `together` has them then.
+
+    Returns:
+        How many they are.
+    """
+    v = vehicle[order[position]]
+    place, n = shop.loaded_at[order[position]], 0
+    now_s = schedule.ready_s[v] + shop.travel_s[schedule.at[v], place]
+    for k in range(position, len(order)):
+        job = order[k]
+        if vehicle[job] != v:
+            continue
+        if n == shop.n_carried[v] or shop.loaded_at[job] != place:
+            break
+        now_s = _served(shop, schedule, shop.first_service[job], max(now_s, shop.release_s[job]), True)
+        schedule.together[n] = job
+        n += 1
+    schedule.at[v], schedule.ready_s[v] = place, now_s
+    schedule.n_loads[v] = n - 1
+    return n
+
+
+@njit(**_OPTIONS)
+def _bring(shop: Arrays, schedule: PartialSchedule, job: Int, vehicle: Int) -> Number:
+    """When a job ends that its vehicle is loaded with, which goes there from where it is; put into the schedule."""
+    now_s: Number = schedule.ready_s[vehicle] + shop.travel_s[schedule.at[vehicle], shop.last_place[job]]
+    now_s = _served(shop, schedule, shop.first_service[job] + 1, now_s, True)
+    schedule.at[vehicle], schedule.ready_s[vehicle] = shop.last_place[job], now_s
+    return now_s
+
+
+@njit(**_OPTIONS)
+def _with_end(shop: Arrays, total: Number, job: Int, vehicle: Int, end_s: Number) -> Number:
+    """The objective with one more job."""
+    total += shop.extra[vehicle, job] + shop.weight[job] * end_s
+    if end_s > shop.due_s[job]:
+        total += shop.late_cost[job] + shop.late_weight[job] * (end_s - shop.due_s[job])
+    return total
 
 
 @njit(**_OPTIONS)
@@ -167,11 +263,18 @@ def evaluate(shop: Arrays, schedule: PartialSchedule, order: Int64Array, vehicle
     for k in range(len(order)):
         job = order[k]
         v = vehicle[job]
-        end_s = _job_end(shop, schedule, job, v, True)
-        total += shop.extra[v, job] + shop.weight[job] * end_s
-        if end_s > shop.due_s[job]:
-            total += shop.late_cost[job] + shop.late_weight[job] * (end_s - shop.due_s[job])
-        last_s = max(last_s, end_s)
+        if shop.n_carried[v] == 1 or shop.loaded_at[job] < 0:
+            end_s = _job_end(shop, schedule, job, v, True)
+            total = _with_end(shop, total, job, v, end_s)
+            last_s = max(last_s, end_s)
+        elif schedule.n_loads[v] > 0:
+            schedule.n_loads[v] -= 1  # it was put in with one before it
+        else:
+            for i in range(_load_together(shop, schedule, order, vehicle, k)):
+                job = schedule.together[i]
+                end_s = _bring(shop, schedule, job, v)
+                total = _with_end(shop, total, job, v, end_s)
+                last_s = max(last_s, end_s)
         if not total + shop.makespan_weight * last_s <= bound:
             return np.inf
     return total + shop.makespan_weight * last_s
@@ -205,7 +308,7 @@ def dispatch(shop: Arrays, schedule: PartialSchedule, regret: Number, order: Int
             for v in range(len(shop.start)):
                 if shop.extra[v, job] == np.inf:
                     continue
-                end_s = _job_end(shop, schedule, job, v, False)
+                end_s = _likely_end(shop, schedule, job, v, False)
                 if end_s < best:
                     best, second, best_v = end_s, best, v
                 elif end_s < second:
@@ -222,7 +325,7 @@ def dispatch(shop: Arrays, schedule: PartialSchedule, regret: Number, order: Int
         job = order[chosen_k]
         _move(order, chosen_k, done)
         vehicle[job] = chosen_v
-        _job_end(shop, schedule, job, chosen_v, True)
+        _likely_end(shop, schedule, job, chosen_v, True)
     return len(order)
 
 
@@ -250,14 +353,14 @@ def append(shop: Arrays, schedule: PartialSchedule, n_planned: int, order: Int64
         for v in range(first, last):
             if shop.extra[v, job] == np.inf:
                 continue
-            end_s = _job_end(shop, schedule, job, v, False)
+            end_s = _likely_end(shop, schedule, job, v, False)
             if end_s < best:
                 best, best_v = end_s, v
         if best_v < 0:
             _move(order, done, len(order) - 1)
             continue
         vehicle[job] = best_v
-        _job_end(shop, schedule, job, best_v, True)
+        _likely_end(shop, schedule, job, best_v, True)
         done += 1
     return done
 

@@ -63,6 +63,10 @@ def arrays_of(problem: AllocationProblem, shop: Shop, class_factor: float = CLAS
         makespan_weight=float(shop.makespan_weight),
         class_of=class_of,
         extra=_extra(problem, weight),
+        n_carried=np.ones(shop.n_vehicles, dtype=np.int64)
+        if shop.n_carried is None
+        else shop.n_carried.astype(np.int64),
+        loaded_at=shop.loaded_at.astype(np.int64),
     )
 
 
@@ -114,10 +118,10 @@ def timetable(shop: Shop, order: Int64Array, vehicle: Int64Array) -> Timetable:
     busy: list[list[tuple[float, float, int]]] = [[] for _ in range(shop.n_stations)]
     arrive_s, start_s, end_s = (np.full(len(shop.place), np.nan) for _ in range(3))
     done_by = np.full(shop.n_jobs, -1, dtype=np.int32)
-    for job, v in zip(order.tolist(), vehicle[order].tolist(), strict=True):
-        done_by[job] = v
+    for v, jobs in shop.tours(order, vehicle):
+        done_by[jobs] = v
         now_s = ready_s[v]
-        for errand in range(shop.first_errand[job], shop.first_errand[job + 1]):
+        for job, errand in _errands(shop, jobs):
             place, station, service_s = (
                 int(shop.place[errand]),
                 int(shop.station[errand]),
@@ -142,6 +146,14 @@ def timetable(shop: Shop, order: Int64Array, vehicle: Int64Array) -> Timetable:
         end_s=end_s,
         objective=_objective(shop, end_s[shop.first_errand[1:] - 1], done_by >= 0),
     )
+
+
+def _errands(shop: Shop, jobs: list[int]) -> list[tuple[int, int]]:
+    """Jobs and errands of a tour in the order in which they are done."""
+    own = [range(int(shop.first_errand[job]), int(shop.first_errand[job + 1])) for job in jobs]
+    if len(jobs) == 1:
+        return [(jobs[0], errand) for errand in own[0]]
+    return [(job, errands[end]) for end in (0, 1) for job, errands in zip(jobs, own, strict=True)]
 
 
 def _gap(busy: list[tuple[float, float, int]], soonest_s: float, service_s: float) -> float:

@@ -54,6 +54,26 @@ def test_two_tasks_go_to_two_cars_so_that_their_sum_is_small() -> None:
     assert [floor.task(name).car for name in "ab"] == [1, 0]
 
 
+def test_a_load_is_planned_and_kept_from_its_station_on() -> None:
+    """Car 1 may carry nothing, so that car 0 is to take all three; in its dock they are its own."""
+    abilities = [Ability(max_payload_kg=2.0), Ability(max_payload_kg=0.1)]
+    config = AllocationConfig(allocator="regret_lns")
+    orders = [delivery(name) for name in "abc"]
+    floor = Floor(orders=orders, allocation_config=config, n_tray_places=3, abilities=abilities)
+    for name in "abc":
+        floor.ready(name)
+    give_out(floor)
+    first = floor.missions.task_of[0]
+    assert first is not None
+    others = {floor.task(name).index for name in "abc"} - {first.index}
+    assert floor.loads.spoken_for(()) == others
+    assert floor.loads.spoken_for(floor.situation().held) == set()
+    floor.arrive(0)
+    assert floor.loads.spoken_for(floor.situation().held) == others
+    give_out(floor)
+    assert floor.loads.spoken_for(()) == others
+
+
 def test_without_tasks_nothing_is_given_out() -> None:
     floor = Floor(orders=[delivery("a")])
     assert floor.allocation.choose(floor.situation(), 0.0).given == []

@@ -43,8 +43,10 @@ def test_a_shop_has_stations_then_cars_then_visited_places() -> None:
     assert shop.weight.tolist() == (1.0 + costs.pressure_s / 150.0).tolist()
 
 
-def planned(floor: Floor, costs: CostMatrix, sequence: tuple[tuple[int, ...], ...], start_s: list[float]) -> None:
-    """The plan of somebody who plans ahead, as it is kept."""
+def planned(
+    floor: Floor, costs: CostMatrix, sequence: tuple[tuple[int, ...], ...], start_s: list[float], soon: int = -1
+) -> None:
+    """The plan of somebody who plans ahead, as it is kept; one car may be free only later."""
     problem = floor.solver.problem(costs, list(range(len(costs.tasks))), BOTH, {}, floor.horizon)
     answer = Assignment(
         pairs=np.zeros((0, 2), dtype=np.int32),
@@ -53,7 +55,7 @@ def planned(floor: Floor, costs: CostMatrix, sequence: tuple[tuple[int, ...], ..
         sequence=sequence,
         timetable=fake(start_s=np.repeat(start_s, 2)),
     )
-    floor.horizon.keep(costs, problem, answer, list(range(len(costs.tasks))), BOTH)
+    floor.horizon.keep(costs, problem, answer, list(range(len(costs.tasks))), BOTH, soon == BOTH)
 
 
 def test_the_last_plan_is_proposed_in_the_order_of_its_starts() -> None:
@@ -88,10 +90,27 @@ def test_without_a_timetable_nothing_is_planned() -> None:
     costs = priced(floor, "a")
     planned(floor, costs, ((0,), ()), [8.0])
     problem = floor.solver.problem(costs, [0], BOTH, {}, None)
-    floor.horizon.keep(costs, problem, assignment(problem, [(0, 0)], Status.OPTIMAL), [0], BOTH)
+    floor.horizon.keep(costs, problem, assignment(problem, [(0, 0)], Status.OPTIMAL), [0], BOTH, BOTH < 0)
     shop = floor.horizon.shop(costs, list(range(len(costs.tasks))), BOTH)
     assert shop.first_order is not None
     assert shop.first_order.tolist() == []
+
+
+@pytest.mark.parametrize(("soon", "n_kept"), [(-1, 2), (0, 0)])
+def test_a_shop_knows_trays_and_what_is_planned_together_is_kept_for_a_car_that_goes_for_it(
+    soon: int, n_kept: int
+) -> None:
+    floor = Floor(orders=[delivery(name) for name in "abcd"], n_tray_places=3)
+    first = floor.assigned("a", car=0)
+    for name in "bcd":
+        floor.ready(name)
+    costs = priced(floor, "a", "b", "c", "d")
+    shop = floor.horizon.shop(costs, list(range(4)), BOTH)
+    assert shop.n_carried is not None
+    assert shop.n_carried.tolist() == [3, 3]
+    planned(floor, costs, ((0, 2, 3, 1), ()), [8.0, 90.0, 20.0, 30.0], soon)
+    assert floor.missions.task_of[0] is first
+    assert [task.order.name for task in floor.loads.of(0)] == ["c", "d"][:n_kept]
 
 
 def test_a_problem_holds_the_columns_and_cars_that_were_asked_for() -> None:

@@ -67,6 +67,13 @@ def test_cars_that_have_one_are_offered_few(n_held: int, n_offered: int, monkeyp
     assert len(offered.tasks) == n_offered + N_SPARE
 
 
+def test_what_is_kept_for_another_car_is_not_offered() -> None:
+    floor, asked = ready(*many(3)), np.array([1], dtype=np.intp)
+    kept = {floor.task("o1").index}
+    offered = floor.offers.of(asked, 0, floor.ways.tails[asked], floor.turns.all(0.0).turns, kept)
+    assert names(offered) == ["o0", "o2"]
+
+
 def test_a_car_without_a_way_does_not_count() -> None:
     floor = ready(*many(), n_cars=1)
     floor.wall_in(0)

@@ -28,6 +28,17 @@ def test_an_idle_car_can_take_a_task_and_one_that_carries_cannot() -> None:
     assert situation.soon(14.0).tolist() == [False, True]
 
 
+def test_a_car_is_free_when_it_has_brought_away_what_it_has_aboard() -> None:
+    floor = Floor(orders=[delivery("a"), delivery("b", drop="drop_2"), delivery("c")])
+    floor.carried("a", car=1)
+    floor.missions.aboard[1] += [floor.task("b"), floor.task("c")]
+    situation = floor.situation()
+    n_moves = floor.ways.between(floor.dock_of("drop_1"), floor.dock_of("drop_2"))
+    # First the other one for drop_1, where it is already, then on to drop_2.
+    assert situation.free_s[1] == 14.0 + 7.0 + n_moves + 7.0
+    assert situation.state[1] == floor.dock_of("drop_2")
+
+
 def test_a_car_may_give_its_task_away_until_its_way_ends_in_the_dock() -> None:
     floor = Floor(orders=[delivery("a")])
     task = floor.assigned("a", car=0)

@@ -32,6 +32,7 @@ from fleet.missions.docks import Docks
 from fleet.missions.parcels.aboard import Aboard
 from fleet.missions.parcels.inventory import Inventory
 from fleet.missions.parcels.perception import TruePoses
+from fleet.missions.parcels.planned_loads import PlannedLoads
 from fleet.missions.parcels.prefetch import Prefetch
 from fleet.missions.parcels.slots import Slots
 from fleet.missions.parcels.transfer_requests import Transfers
@@ -359,8 +360,13 @@ class Floor:
 
     @cached_property
     def aboard(self) -> Aboard:
-        n_places = np.full(self.n_cars, self.n_tray_places)
-        return Aboard(self.missions, self.ways, self.slots, self.open_deliveries, self._abilities(), n_places, self.log)
+        return Aboard(
+            self.missions, self.ways, self.slots, self.open_deliveries, self._abilities(), self.loads, self.log
+        )
+
+    @cached_property
+    def loads(self) -> PlannedLoads:
+        return PlannedLoads(self.missions, np.full(self.n_cars, self.n_tray_places))
 
     @cached_property
     def visits(self) -> Visits:
@@ -384,7 +390,7 @@ class Floor:
 
     @cached_property
     def horizon(self) -> RollingHorizon:
-        return RollingHorizon(self.allocation_config, self.missions, self.ways, self.routes)
+        return RollingHorizon(self.allocation_config, self.missions, self.ways, self.routes, self.loads)
 
     @cached_property
     def solver(self) -> Solver:

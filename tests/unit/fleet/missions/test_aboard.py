@@ -13,12 +13,21 @@ PICK, DROP = 0, 2
 """Arms of pick_1 and drop_1."""
 
 
-def loaded(*orders: object, n_places: int = 3, **own: object) -> tuple[Floor, Task]:
-    """Car 0 stands at pick_1 with the parcel of `a` in its tray, and other orders are known."""
+def loaded(
+    *orders: object, n_places: int = 3, planned: tuple[int, str] | None = None, **own: object
+) -> tuple[Floor, Task]:
+    """Car 0 stands at pick_1 with the parcel of `a` in its tray, and other orders are known.
+
+    Of these one may be planned for a car that goes for another one before.
+    """
     floor = Floor(orders=[delivery("a"), *orders], n_tray_places=n_places, **own)  # type: ignore[arg-type]
     task = floor.assigned("a", car=0)
     for order in orders:
         floor.ready(order.name)  # type: ignore[attr-defined]
+    if planned is not None:
+        car, name = planned
+        first = task if car == 0 else floor.assigned("z", car=car)
+        floor.loads.plan(car, [first, floor.task(name)])
     floor.arrive(0)
     floor.docks.tick(0, 0.0)
     floor.lay_in_tray(task, 0)
@@ -106,3 +115,20 @@ def test_what_is_aboard_of_a_dead_car_is_given_up() -> None:
     assert (first.state, first.reason) == (TaskState.FAILED, "parcel stranded: car_0 is dead")
     assert floor.task("b").state is TaskState.READY
     assert floor.missions.aboard[0] == []
+
+
+def test_what_is_planned_for_a_car_goes_before_what_is_more_urgent() -> None:
+    floor, first = loaded(delivery("b"), delivery("c"), planned=(0, "c"), n_places=2)
+    assert floor.missions.aboard[0] == [first]
+    assert floor.missions.task_of[0] is floor.task("c")
+    assert floor.task("b").state is TaskState.READY
+
+
+def test_what_is_planned_for_another_car_is_left_to_it() -> None:
+    floor, first = loaded(delivery("b"), delivery("z", pick="pick_2"), planned=(1, "b"))
+    assert floor.loads.spoken_for(()) == {floor.task("b").index}
+    assert floor.loads.spoken_for((1,)) == set()
+    assert floor.missions.task_of[0] is first
+    assert floor.missions.phase[0] is CarPhase.TO_DROP
+    floor.missions.unassign(floor.task("z"), 6.0, "by hand")
+    assert floor.loads.spoken_for(()) == set()

@@ -7,7 +7,7 @@ import time
 
 import numpy as np
 
-from benchmarks.harness import Benchmark, Kind, Row, Trial, main
+from benchmarks.harness import Kind, Row, Trial
 from fleet.proving.course import LANES
 from fleet.proving.show import arrivals_apart
 from fleet.proving.trial import TrialReport, drive, yaw_rate_error
@@ -31,7 +31,7 @@ _CIRCLES = {"racecar": (0.2, 0.5), "husky": (0.4, 0.4), "a1": (0.4, 0.2)}
 """Command of each vehicle while its step is timed."""
 
 
-def measure(trial: Trial) -> list[Row]:
+def measure_alone(trial: Trial) -> list[Row]:
     """Drive every vehicle over its course, the A1 over lanes and through pushes, and time physics steps."""
     rows = [row for name in VEHICLES for row in _course(trial, name)]
     rows.append(
@@ -140,15 +140,3 @@ def _step_s(name: str, n_robots: int) -> float:
         return (time.process_time() - began) / _N_STEPS
     finally:
         floor.close()
-
-
-BENCHMARK = Benchmark(
-    name="robots",
-    summary="racecar, Husky and A1 alone on a bare floor, noisy sensors",
-    measure=measure,
-    seeds=tuple(range(20)),
-    quick_seeds=(0,),
-)
-
-if __name__ == "__main__":
-    raise SystemExit(main(BENCHMARK))
