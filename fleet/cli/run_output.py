@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import re
-import subprocess
 import sys
 from collections.abc import Mapping
 from pathlib import Path
@@ -15,6 +14,7 @@ from rich.console import Console
 from rich.table import Table
 
 if TYPE_CHECKING:  # takes a second to load
+    from fleet.insight.robot_waits import RobotWait
     from fleet.session.runner import Result
 
 ALL_DONE, TASKS_FAILED, INTERRUPTED = 0, 1, 130
@@ -153,17 +153,26 @@ def show_run(
         console.print(f"did not happen: {line}", soft_wrap=True)
 
 
-def show_recording(console: Console, recording: Path, *, view: bool) -> None:
-    """Open the viewer on a recording if that is wanted and possible, else say how to look at it."""
-    if view and (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY") or sys.platform in ("darwin", "win32")):
-        from fleet.recording.rerun_cli import rerun_program
+def show_recording(console: Console, recording: Path, *, view: bool, at_s: float | None = None) -> None:
+    """Open the viewer on a recording if that is wanted and possible, else say how to look at it.
 
-        subprocess.Popen(
-            [rerun_program(), "--bind", "127.0.0.1", recording], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
-        )
+    Args:
+        console: To say it on.
+        recording: The file.
+        view: Whether to open the viewer.
+        at_s: Simulated time to show [s]; None = where the recording opens.
+
+    Raises:
+        RecordingError: It has nothing at that time, or the viewer does not run.
+    """
+    moment = "" if at_s is None else f" --at {at_s:g}"
+    if view and (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY") or sys.platform in ("darwin", "win32")):
+        from fleet.recording.viewer import open_window
+
+        open_window(recording, at_s)
         console.print(f"viewer opened on {recording}", soft_wrap=True)
     elif view:
-        shot = f"{own_words()} shot {recording} picture.png"
+        shot = f"{own_words()} shot {recording} picture.png{moment}"
         console.print(
             f"no display to open the viewer on; recording: {recording} (a picture of it: {shot})", soft_wrap=True
         )
@@ -178,16 +187,33 @@ def show_next(console: Console, folder: Path) -> None:
         console: To say it on.
         folder: Directory of the run.
     """
-    from fleet.insight.cause_file import read_causes
-    from fleet.recording.run_file import EVENTS, read_run
-    from fleet.report.waits import longest_wait
+    from fleet.recording.run_file import RECORDING
 
-    log, codebook = read_causes(read_run(folder).events, str(folder / EVENTS))
-    wait = longest_wait(log, codebook)
+    wait = longest_wait_in(folder)
     if wait is not None:
-        why = f"{own_words()} why {wait.robot} {folder} --at {wait.at_s:.2f}"
-        console.print(f"longest wait: {wait.robot}, {wait.lasts_s:.1f} s (ask why with: {why})", soft_wrap=True)
+        at = f"--at {wait.at_s:.2f}"
+        console.print(f"longest wait: {wait.robot}, {wait.lasts_s:.1f} s", soft_wrap=True)
+        if (folder / RECORDING).exists():
+            console.print(f"  see it with: {own_words()} view {folder} {at}", soft_wrap=True)
+        console.print(f"  ask why with: {own_words()} why {wait.robot} {folder} {at}", soft_wrap=True)
     console.print(f"all of it on a page: {own_words()} report {folder}", soft_wrap=True)
+
+
+def longest_wait_in(folder: Path) -> RobotWait | None:
+    """The longest wait of a car in a run; None if none waited for a second.
+
+    Args:
+        folder: Directory of the run.
+
+    Raises:
+        OutputError: It holds no run.
+        CauseFileError: Its run file tells no causes.
+    """
+    from fleet.insight.cause_file import read_causes
+    from fleet.insight.robot_waits import longest_wait
+    from fleet.recording.run_file import EVENTS, read_run
+
+    return longest_wait(*read_causes(read_run(folder).events, str(folder / EVENTS)))
 
 
 def own_words() -> str:

@@ -11,6 +11,7 @@ import tyro
 
 from fleet.config import ArmConfig, Grip, require
 from fleet.errors import FleetError
+from fleet.whole_file import write_whole
 
 if TYPE_CHECKING:
     from maps.site import Site
@@ -187,12 +188,7 @@ class SiteExport:
         name = self.format or format_of(self.file.name)
         layout_format = LAYOUT_FORMATS[name]
         text = layout_format.write(load_site(self.site))
-        part = self.file.with_name(self.file.name + ".part")
-        try:
-            part.write_text(text, encoding="utf-8")
-            part.replace(self.file)
-        finally:
-            part.unlink(missing_ok=True)
+        write_whole(self.file, text)
         sys.stdout.write(f"{self.file}: {layout_format.title}, {len(text.encode()):,} bytes\n")
         return 0
 

@@ -101,11 +101,6 @@ class CauseLog:
         rows[robots] = newest_first[newest, 2:]
         return rows
 
-    def of(self, robot: int) -> Changes:
-        """All changes of one robot, shape (k, 2 + len(Column))."""
-        table = self._table[: self._n]
-        return table[table[:, ROBOT] == robot]
-
     def number(self, robot: int, tick: int) -> int:
         """Number of the change that tells what a robot is about in a tick, `NONE` if it has none yet.
 

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from fleet.insight.cause_log import TICK, CauseLog
 from fleet.insight.causes import DETAILS, NO_WAIT, NONE, OWN, WITHOUT_TASK, Cause, Column
 from fleet.insight.codebook import Codebook, OutsideRun
-from fleet.insight.link import Link
-from fleet.insight.phrases import in_the_way, predicate, reason, release
+from fleet.insight.phrases import Link, in_the_way, predicate, reason, release
 
 _CAUSES = tuple(Cause)
 _KINDS = tuple(int(cause) if cause in OWN else NONE for cause in Cause)

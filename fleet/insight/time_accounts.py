@@ -47,6 +47,15 @@ class Account(IntEnum):
     AWAITING = 10
     """An arm that waits for a car that is bound for it."""
 
+    @property
+    def words(self) -> str:
+        """What it is called where people read it, such as "driving loaded"."""
+        return self.name.lower().replace("_", " ")
+
+
+WAITING = (Account.TRAFFIC, Account.QUEUE, Account.PLAN_LATE)
+"""Those in which a robot with a task waits."""
+
 
 _DRIVES = -1  # an account is found from speed, load and station
 _HELD = -2
@@ -127,6 +136,7 @@ class StationTime:
 class _Booked(NamedTuple):
     """What is booked, as in `TimeAccounts`."""
 
+    now: Ticks
     robots: Ticks
     stations: Ticks
     by_robot: Ticks
@@ -177,6 +187,8 @@ class TimeAccounts:
 
     def __init__(self, n_cars: int, dock_xy: FloatArray, n_cells: int, n_places: int) -> None:
         n_robots = n_cars + len(dock_xy)
+        self.now: Ticks = np.full(n_robots, Account.IDLE, dtype=np.int64)
+        """Account that the last tick of each robot is in, cars first, then arms, shape (n_robots,)."""
         self.robots: Ticks = np.zeros((len(Account), n_robots), dtype=np.int64)
         """Ticks in each account, cars first, then arms, shape (n_accounts, n_robots)."""
         self.stations: Ticks = np.zeros((3, len(dock_xy)), dtype=np.int64)
@@ -190,7 +202,9 @@ class TimeAccounts:
         self.idle: Ticks = np.zeros(len(DETAILS), dtype=np.int64)
         """Ticks that cars were idle, by why they had no task, shape (n_details,)."""
         self._n_cars = n_cars
-        self._booked = _Booked(self.robots, self.stations, self.by_robot, self.by_cell, self.by_place, self.idle)
+        self._booked = _Booked(
+            self.now, self.robots, self.stations, self.by_robot, self.by_cell, self.by_place, self.idle
+        )
         docks = np.ascontiguousarray(dock_xy, dtype=np.float64)
         self._rules = _Rules(_RULES, _ARM_RULES, _HAS_PLACE, _ENDS_CHAIN, docks)
 
@@ -274,7 +288,7 @@ def _car_time(ticks: Ticks) -> CarTime:
 @njit(cache=True)
 def _book(booked: _Booked, rules: _Rules, tick: _Tick) -> None:
     n_robots = len(tick.causes)
-    accounts, ends = np.empty(n_robots, dtype=np.int64), np.full(n_robots, _NOT_KNOWN, dtype=np.int64)
+    accounts, ends = booked.now, np.full(n_robots, _NOT_KNOWN, dtype=np.int64)
     _find_accounts(rules, tick, accounts)
     _find_ends(tick.causes, rules.ends_chain, ends)
     _put_down(booked, rules.has_place, tick.causes, accounts, ends)
@@ -332,7 +346,7 @@ def _put_down(
     booked: _Booked, has_place: npt.NDArray[np.bool_], causes: CauseRows, accounts: Ticks, ends: Ticks
 ) -> None:
     """Put one tick of each robot down to a robot, a cell and a place; the last of each stands for none."""
-    robots, _, by_robot, by_cell, by_place, _ = booked
+    _, robots, _, by_robot, by_cell, by_place, _ = booked
     for robot in range(len(causes)):
         account = accounts[robot]
         root, cell, at = len(causes), NONE, NONE

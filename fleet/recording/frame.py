@@ -47,7 +47,7 @@ class Frame:
     parcel_size_m: FloatArray
     """Full edges of the boxes in the order of `parcel_ids` [m], shape (p, 3)."""
     car_state: tuple[str, ...]
-    """One word per car: idle, driving, waiting, docked, fault, ..."""
+    """What each car is about, in the words of the time accounts: driving loaded, traffic, served, ..."""
     arm_state: tuple[str, ...]
     """One word per arm."""
     task_state: Mapping[str, str] = field(default_factory=dict)

@@ -6,7 +6,6 @@ import dataclasses
 import hashlib
 import json
 import math
-import os
 import platform
 import tempfile
 from collections.abc import Mapping
@@ -21,6 +20,7 @@ import numpy as np
 from fleet.recording.errors import OutputError
 from fleet.recording.output_file import OutputFile, require_room
 from fleet.recording.trace_file import TRACE
+from fleet.whole_file import write_whole
 from maps.reading.shown import shown
 from maps.reading.text_file import FileError, parse_json, read_lines, read_text
 
@@ -175,13 +175,7 @@ class RunFile(OutputFile):
         self._write_whole(VIOLATION, {"run": self.name, **evidence})
 
     def _write_whole(self, name: str, item: object) -> None:
-        text = json.dumps(plain(item), indent=2, allow_nan=False) + "\n"
-        draft = self._directory / (name + ".part")
-        with draft.open("w", encoding="utf-8") as file:
-            file.write(text)
-            file.flush()
-            os.fsync(file.fileno())
-        draft.replace(self._directory / name)
+        write_whole(self._directory / name, json.dumps(plain(item), indent=2, allow_nan=False) + "\n")
 
     def _write(self, item: Mapping[str, object]) -> str:
         line = json.dumps(plain(item), allow_nan=False, separators=(",", ":"))

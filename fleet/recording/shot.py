@@ -3,37 +3,20 @@
 from __future__ import annotations
 
 import os
-import socket
-import subprocess
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
 
 from fleet.recording.errors import RecordingError
-from fleet.recording.rerun_cli import quiet_environment, rerun_program
+from fleet.recording.rerun_cli import quiet_environment
+from fleet.recording.viewer import Viewer
+from fleet.whole_file import write_whole
 
-if TYPE_CHECKING:
-    from rerun.experimental import ViewerClient, ViewerState
-
-T = TypeVar("T")
-_PACKAGES = "mesa-vulkan-drivers libvulkan1 libgl1 libegl1"
-_START_S = 20.0
-"""Wall time given to the viewer to answer [s]."""
-_LOAD_S = 120.0
-"""Wall time given to it to read the recording [s]."""
-_TIMELINE = "sim_time"
 _ALIKE = 3
 """Paintings in a row that are alike when nothing loads any more: meshes, plots and labels come one after the other."""
 _MOST_PAINTED = 20
 """After so many the picture is taken as it is: something in it moves."""
 _SOFTWARE_VULKAN = Path("/usr/share/vulkan/icd.d")
-
-
-class TooSlow(RecordingError):
-    """This machine does not paint the recording in an acceptable time."""
 
 
 def screenshot(
@@ -64,36 +47,22 @@ def screenshot(
     """
     if not rrd.is_file():
         raise RecordingError(f"no recording at {rrd}")
-    with _viewer(size) as (client, process):
-        patiently = partial(_patiently, process)
-        patiently(lambda: client.open(str(rrd.resolve())))
-        deadline = time.monotonic() + _LOAD_S
-        while patiently(client.get_state).loading:
-            if time.monotonic() > deadline:
-                raise RecordingError(f"the viewer did not load {rrd} within {_LOAD_S:.0f} s")
-            time.sleep(0.1)
+    with _headless(size) as viewer:
+        viewer.load(rrd)
         if time_s is not None:
-            _require_moment(time_s, patiently(client.get_state), rrd)
-            patiently(lambda: client.set_time(_TIMELINE, duration=time_s, play_state="paused"))
-        picture = _settled(lambda: patiently(client.take_screenshot))
-        state = patiently(client.get_state)
+            viewer.go_to(time_s, rrd)
+        picture = _settled(lambda: viewer.ask(lambda client: client.take_screenshot()))
+        state = viewer.ask(lambda client: client.get_state())
         ids = {v.name: v.view_id for v in state.views}
         if view is not None and view not in ids:
             raise RecordingError(f"no view {view!r} in {rrd}; valid: {', '.join(sorted(map(str, ids)))}")
         if view is not None:
-            picture = _settled(lambda: patiently(lambda: client.take_screenshot(view_id=ids[view])))
-        png.write_bytes(picture)
+            picture = _settled(lambda: viewer.ask(lambda client: client.take_screenshot(view_id=ids[view])))
+        write_whole(png, picture)
         complaints = [f"{v.name}: {r.severity}: {r.summary}" for v in state.views for r in v.reports]
-        complaints += [f"{e.level}: {e.message}" for e in client.get_logs() if e.level == "ERROR"]
+        logs = viewer.ask(lambda client: client.get_logs())
+        complaints += [f"{e.level}: {e.message}" for e in logs if e.level == "ERROR"]
         return tuple(complaints)
-
-
-def _require_moment(time_s: float, state: ViewerState, rrd: Path) -> None:
-    """Refuse a time at which a recording has nothing any more."""
-    lines = [line for recording in state.recordings for line in recording.timelines if line.name == _TIMELINE]
-    last_s = max((line.end for line in lines if line.end is not None), default=0) * 1e-9
-    if time_s > last_s:
-        raise RecordingError(f"time {time_s:g} s is not in {rrd}; valid: a number from 0 to {last_s:.2f}")
 
 
 def _settled(paint: Callable[[], bytes]) -> bytes:
@@ -107,72 +76,19 @@ def _settled(paint: Callable[[], bytes]) -> bytes:
     return picture
 
 
-def _patiently(process: subprocess.Popen[bytes], ask: Callable[[], T]) -> T:
-    """Ask again when the viewer has not answered in the time that its client allows: painting in software is slow.
-
-    It answers before it has looked for a graphics driver, and ends without one: then there is no answer any more.
-    """
-    deadline = time.monotonic() + _LOAD_S
-    while True:
-        try:
-            return ask()
-        except (ConnectionError, TimeoutError) as error:
-            if process.poll() is not None:
-                raise _ended(process) from error
-            if time.monotonic() > deadline:
-                raise TooSlow(f"the viewer did not paint within {_LOAD_S:.0f} s: {error}") from error
-
-
 @contextmanager
-def _viewer(size: tuple[int, int]) -> Iterator[tuple[ViewerClient, subprocess.Popen[bytes]]]:
-    """A headless viewer on a free loopback port."""
-    from rerun.experimental import ViewerClient
-
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
-    command = [
-        str(rerun_program()),
-        *("--headless", "--hide-welcome-screen", "--bind", "127.0.0.1", "--port", str(port)),
-        *("--window-size", f"{size[0]}x{size[1]}", "--memory-limit", "4GB"),
-    ]
+def _headless(size: tuple[int, int]) -> Iterator[Viewer]:
+    """A viewer without a window."""
+    options = ("--headless", "--hide-welcome-screen", "--window-size", f"{size[0]}x{size[1]}", "--memory-limit", "4GB")
     with quiet_environment() as environment:
         driver = next(iter(sorted(_SOFTWARE_VULKAN.glob("lvp_icd*.json"))), None)
         if driver is not None and "VK_DRIVER_FILES" not in os.environ:
             environment.update(VK_ICD_FILENAMES=str(driver), VK_DRIVER_FILES=str(driver))
-        process = subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        viewer = Viewer(options, environment)
         try:
-            yield _connect(ViewerClient, port, process), process
+            yield viewer
         finally:
-            process.terminate()
-            try:
-                process.wait(10.0)
-            except subprocess.TimeoutExpired:
-                process.kill()
-                process.wait()
-
-
-def _connect(client_type: type[ViewerClient], port: int, process: subprocess.Popen[bytes]) -> ViewerClient:
-    deadline = time.monotonic() + _START_S
-    while time.monotonic() < deadline:
-        if process.poll() is not None:
-            raise _ended(process)
-        try:
-            client = client_type.connect(f"rerun+http://127.0.0.1:{port}/proxy")
-            client.get_state()
-        except (ConnectionError, RuntimeError, TimeoutError):
-            time.sleep(0.1)
-        else:
-            return client
-    raise RecordingError(f"the viewer did not answer within {_START_S:.0f} s")
-
-
-def _ended(process: subprocess.Popen[bytes]) -> RecordingError:
-    """What it means that the viewer has ended by itself."""
-    return RecordingError(
-        f"the viewer ended at once (exit status {process.returncode}): no graphics driver found; "
-        f"on Debian or Ubuntu: apt-get install {_PACKAGES}"
-    )
+            viewer.close()
 
 
 def parse_size(text: str) -> tuple[int, int] | None:

@@ -118,6 +118,8 @@ class Trace:
     """Their names, in the order of the arms."""
     places: tuple[str, ...]
     """Names of all bookable places, stations first."""
+    place_cells: tuple[int, ...]
+    """Cells of these places; empty in traces that do not tell."""
     phases: tuple[str, ...]
     """Phases of cars."""
     arm_states: tuple[str, ...]
@@ -213,6 +215,7 @@ def read_trace(directory: Path) -> Trace:
             cell_m=_positive(header["cell_m"]),
             stations=tuple(map(str, header["stations"])),
             places=tuple(map(str, header["places"])),
+            place_cells=_cells(header.get("place_cells", ()), len(plan) * len(plan[0])),
             phases=tuple(map(str, header["phases"])),
             arm_states=tuple(map(str, header["arm_states"])),
             digests=digests,
@@ -227,6 +230,14 @@ def _positive(value: Any) -> float:
     if not 0.0 < float(value) < float("inf"):
         raise ValueError(f"{value!r} is not positive")
     return float(value)
+
+
+def _cells(value: Any, n_cells: int) -> tuple[int, ...]:
+    """Cells of a floor."""
+    cells = tuple(map(int, value))
+    if not all(0 <= cell < n_cells for cell in cells):
+        raise ValueError("a place beyond the plan")
+    return cells
 
 
 def _rows(value: Any) -> tuple[str, ...]:

@@ -10,18 +10,24 @@ from typing import Any
 
 import numpy as np
 
+from fleet.arrays import FloatArray
 from fleet.insight.bounds import BOUNDS
-from fleet.insight.time_accounts import percentages
+from fleet.insight.time_accounts import WAITING, percentages
 from fleet.insight.time_table import NOBODY
 from fleet.report.loaded_run import Run
 from fleet.report.plots import columns, dots, heat_map, stacked_bars, steps
 from fleet.report.style import STYLE
 from fleet.report.table import Table
-from fleet.report.tables import FAULTS
+from fleet.report.tables import BIN_S, FAULTS
+from fleet.whole_file import write_whole
 
 PAGE = "report.html"
 _MOST_OPEN = 8
 """Most robots whose table is open from the start."""
+_FEW_CELLS = 4
+"""So few cells are told, not drawn."""
+_LEAST_DONE = 2.0
+"""Tasks that a bar of the throughput has in the mean: with fewer each task would be a bar of its own."""
 _MOST_EVENTS, _MOST_WAITS, _N_TOP = 60, 25, 10
 """Most rows of the lists; all of them are in the CSV files."""
 
@@ -39,7 +45,7 @@ COLOUR_OF_ACCOUNT = {
     "idle": "var(--b0)",
 }
 """Colours of the time accounts, in the order of the bars; they are called here as in the table and in `result.json`."""
-WAITING = ("traffic", "queue", "plan_late")
+_WAITING = tuple(account.name.lower() for account in WAITING)
 """Those of them in which a robot waits."""
 
 
@@ -67,7 +73,7 @@ def write_page(path: Path, run: Run, tables: Mapping[str, Table]) -> None:
 </body>
 </html>
 """
-    path.write_text(page, encoding="utf-8")
+    write_whole(path, page)
 
 
 def _head(run: Run, tables: Mapping[str, Table]) -> str:
@@ -93,7 +99,7 @@ def _tiles(run: Run, tables: Mapping[str, Table]) -> str:
     flow = tasks["flow_s"][np.isfinite(tasks["flow_s"])] if len(tasks) else np.zeros(0)
     hours = run.trace.n_ticks * run.trace.tick_s / 3600.0
     shares = result.get("time_share_percent", {})
-    waits = sum(shares.get(name, 0.0) for name in WAITING)
+    waits = sum(shares.get(name, 0.0) for name in _WAITING)
     faults = int(np.isin(events["kind"], [kind.replace("_", " ") for kind in FAULTS]).sum()) if len(events) else 0
     tiles = [
         (f"{done} of {result.get('tasks_total', len(tasks))}", "tasks done"),
@@ -178,16 +184,15 @@ def _account_row(name: str, seconds: Mapping[str, float], used: Sequence[str]) -
 
 
 def _progress(run: Run, tables: Mapping[str, Table]) -> str:
-    del run
     progress, tasks = tables["progress"], tables["tasks"]
-    edges = np.append(progress["from_s"], progress["to_s"][-1:])
-    width = progress["to_s"][0] - progress["from_s"][0]
-    rate = columns(edges, progress["per_h"], color="var(--line)", x_label="time [s]", unit="per hour")
+    total_s = run.trace.n_ticks * run.trace.tick_s
+    edges, per_h = throughput_of(progress, total_s)
+    rate = columns(edges, per_h, color="var(--line)", x_label="time [s]", unit="per hour")
     opened = steps(
         progress["to_s"], {"open tasks": progress["open_n"].astype(float)}, colors=["var(--b6)"], x_label="time [s]"
     )
     parts = [
-        _figure("Throughput", f"tasks done per hour, in stretches of {width:g} s", rate.svg()),
+        _figure("Throughput", f"tasks done per hour, in stretches of {edges[1]:g} s", rate.svg()),
         _figure("Open tasks", "released and not ended", opened.svg()),
     ]
     if len(tasks):
@@ -214,6 +219,27 @@ def _progress(run: Run, tables: Mapping[str, Table]) -> str:
     return f'<h2>Tasks over time</h2>\n<div class="two">{"".join(parts)}</div>'
 
 
+def throughput_of(progress: Table, total_s: float) -> tuple[FloatArray, FloatArray]:
+    """Tasks done per hour in stretches that are long enough for some tasks each.
+
+    Args:
+        progress: The table of that name.
+        total_s: Length of the run [s].
+
+    Returns:
+        Where stretches begin and the last one ends [s], shape (n + 1,), and the rate in each [1/h], shape (n,).
+    """
+    done, step_s = progress["done_n"], BIN_S[0] if len(progress) < 2 else float(progress["from_s"][1])
+    wanted_s = _LEAST_DONE * total_s / max(done.sum(), 1.0)
+    fits = (width for width in BIN_S if width >= max(step_s, wanted_s) and width % step_s == 0.0)
+    width_s = min(next(fits, BIN_S[-1]), step_s * len(progress))
+    starts = np.arange(0, len(progress), round(width_s / step_s))
+    if len(starts) > 1 and total_s - progress["from_s"][starts[-1]] < width_s / 2:
+        starts = starts[:-1]  # too short for a rate: it belongs to the one before
+    edges = np.append(progress["from_s"][starts], total_s)
+    return edges, np.add.reduceat(done, starts) * 3600.0 / np.diff(edges)
+
+
 def _heat(run: Run, tables: Mapping[str, Table]) -> str:
     cells, plan = tables["cells"], run.trace.plan
 
@@ -222,20 +248,31 @@ def _heat(run: Run, tables: Mapping[str, Table]) -> str:
         values[cells["row"].astype(int), cells["col"].astype(int)] = cells[name]
         return values
 
+    stations = dict(zip(run.trace.place_cells, run.trace.stations, strict=False))
+    cols = len(plan[0])
+    named = {(cell // cols, cell % cols): name for cell, name in stations.items()}
     maps = [("Visits", "how often a car drove into each cell", "visits_n", "var(--heat2)", "visits")]
     for name in cells.columns:
         if name.startswith("wait_"):
             what = name.removeprefix("wait_").removesuffix("_s").replace("_", " ")
             maps.append((f"Waiting: {what}", _GROUPS.get(what, what), name, "var(--heat)", "s"))
-    figures = [
-        _figure(title, caption, heat_map(plan, floor(name), color=color, unit=unit).svg())
-        for title, caption, name, color, unit in maps
-        if len(cells) and cells[name].any()
-    ]
+    figures, lists = [], []
+    for title, caption, name, color, unit in maps:
+        n_cells = int((cells[name] > 0).sum()) if len(cells) else 0
+        if n_cells > _FEW_CELLS:
+            plot = heat_map(plan, floor(name), color=color, unit=unit, names=named)
+            figures.append(_figure(title, caption, plot.svg()))
+        elif n_cells:
+            told = ", ".join(
+                f"{row[name]:.1f} {unit} in cell ({row['row']:.0f}, {row['col']:.0f})"
+                + (f" at {station}" if (station := named.get((int(row["row"]), int(row["col"])))) else "")
+                for row in sorted(cells.rows(), key=lambda row: -row[name])[:n_cells]
+            )
+            lists.append(f"<p><b>{escape(title)}</b>, {escape(caption)}: {escape(told)}.</p>")
     return f"""<h2>Where on the floor</h2>
 <p class="quiet">Cells by row and column from the top left; point at one to read its value. Colours grow with the root
 of the value.</p>
-<div class="two">{"".join(figures)}</div>"""
+<div class="two">{"".join(figures)}</div>{"".join(lists)}"""
 
 
 _GROUPS = {
@@ -250,7 +287,7 @@ def _blame(run: Run, tables: Mapping[str, Table]) -> str:
     del run
     seconds: dict[tuple[str, str], dict[str, float]] = {}
     for row in tables["blame"].rows():
-        if row["account"] in WAITING and row["name"] != NOBODY:
+        if row["account"] in _WAITING and row["name"] != NOBODY:
             seconds.setdefault((row["kind"], row["name"]), {})[row["account"]] = row["seconds"]
     parts = []
     for kind, title in (("cell", "Cells"), ("robot", "Robots"), ("place", "Stations and other places")):
@@ -260,7 +297,7 @@ def _blame(run: Run, tables: Mapping[str, Table]) -> str:
         for name in top:
             bars = "".join(
                 f'<i style="width:{100 * by / sums[top[0]]:.1f}%;background:{COLOUR_OF_ACCOUNT[account]}"></i>'
-                for account in WAITING
+                for account in _WAITING
                 if (by := seconds[kind, name].get(account, 0.0))
             )
             lines += f'<tr><td class="l">{escape(name)}</td><td>{sums[name]:.1f} s</td><td class="bar">{bars}</td></tr>'
@@ -271,7 +308,7 @@ def _blame(run: Run, tables: Mapping[str, Table]) -> str:
     return f"""<h2>Who caused the waiting</h2>
 <p class="quiet">Each wait is in up to three lists: under the cell that could not be entered, under the robot at the end
 of the chain of who waits for whom, and under the station or other place where the robot had to go.</p>
-{_legend({_named(account): COLOUR_OF_ACCOUNT[account] for account in WAITING})}
+{_legend({_named(account): COLOUR_OF_ACCOUNT[account] for account in _WAITING})}
 <div class="three">{"".join(parts)}</div>"""
 
 

@@ -18,6 +18,7 @@ HALF = 520
 _N_TICKS = 5
 _NUMBERS_PX = 18.0
 """Room for the numbers of rows and columns."""
+_NAME_PX = 9
 _MANY_BARS = 30
 """More bars than this are drawn thin."""
 _STEPS = (1.0, 2.0, 2.5, 5.0, 10.0)
@@ -109,7 +110,9 @@ def dots(x: FloatArray, y: FloatArray, said: Sequence[str], *, color: str, x_lab
     return sheet
 
 
-def heat_map(plan: Sequence[str], values: FloatArray, *, color: str, unit: str, width: int = HALF) -> Drawing:
+def heat_map(
+    plan: Sequence[str], values: FloatArray, *, color: str, unit: str, names: Mapping[tuple[int, int], str]
+) -> Drawing:
     """A floor from above, its cells the darker the greater their value.
 
     Args:
@@ -117,12 +120,12 @@ def heat_map(plan: Sequence[str], values: FloatArray, *, color: str, unit: str, 
         values: Of each cell, shape (rows, cols), >= 0.
         color: Of the greatest value.
         unit: What values are, with their unit.
-        width: Of the sheet [px].
+        names: Of some cells by row and column, such as stations.
     """
     rows, cols = values.shape
-    step = min((width - 2 * _NUMBERS_PX) / cols, 26.0)
-    sheet = Drawing(width=width, height=round(step * rows + _NUMBERS_PX + 30))
-    left, top = (width - step * cols) / 2, _NUMBERS_PX
+    step = min((HALF - 2 * _NUMBERS_PX) / cols, 26.0)
+    sheet = Drawing(width=HALF, height=round(step * rows + _NUMBERS_PX + 30))
+    left, top = (HALF - step * cols) / 2, _NUMBERS_PX
     every = 5 if step < 22.0 else 1
     for col in range(0, cols, every):
         at = (left + (col + 0.5) * step, top - 5)
@@ -144,6 +147,9 @@ def heat_map(plan: Sequence[str], values: FloatArray, *, color: str, unit: str, 
         said = f"cell ({row}, {col}): {value:.4g} {unit}"
         at = (left + col * step, top + row * step)
         sheet.marks.append(Box(at=at, size=(step, step), color=color, opacity=_shade(value, most), title=said))
+    for (row, col), name in names.items():
+        at = (left + (col + 0.5) * step, top + (row + 0.5) * step + 3)
+        sheet.marks.append(Words(at=at, text=name, anchor="middle", size=_NAME_PX, color=INK))
     y = top + step * rows + 10
     for k in range(_N_TICKS + 1):
         opacity = _shade(most * k / _N_TICKS, most)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -14,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fleet.insight.time_table import data_frame
+from fleet.whole_file import write_whole
 
 Column = npt.NDArray[Any]
 
@@ -50,11 +52,12 @@ class Table:
     def write_csv(self, directory: Path) -> Path:
         """Write `<name>.csv` into a directory; unknown numbers are left empty. Returns its path."""
         path = directory / f"{self.name}.csv"
-        with path.open("w", encoding="utf-8", newline="") as file:
-            writer = csv.writer(file)
-            writer.writerow(self.columns)
-            for row in self.rows():
-                writer.writerow("" if value != value else value for value in row.values())  # noqa: PLR0124 - nan
+        text = io.StringIO(newline="")
+        writer = csv.writer(text)
+        writer.writerow(self.columns)
+        for row in self.rows():
+            writer.writerow("" if value != value else value for value in row.values())  # noqa: PLR0124 - nan
+        write_whole(path, text.getvalue())
         return path
 
     def frame(self) -> Any:

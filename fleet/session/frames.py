@@ -10,10 +10,10 @@ import numpy.typing as npt
 
 from fleet.config import Perception
 from fleet.insight.causes import NONE, OWN, Cause, Column
-from fleet.insight.explain import Explainer
+from fleet.insight.explain import Explainer, explain
 from fleet.insight.figures import Figures
-from fleet.insight.time_accounts import Account
-from fleet.missions.phases import PHASES, CarPhase
+from fleet.insight.robot_waits import longest_wait
+from fleet.insight.time_accounts import WAITING, Account
 from fleet.recording import DrawnFloor, Frame, Header, LogLine, Recorder, RerunRecorder, Wait, versions
 from fleet.run.events import Event
 from fleet.run.view import RunView
@@ -57,24 +57,8 @@ for _number, _causes in enumerate(CONGESTION.values()):
     _GROUP_OF[list(_causes)] = _number
 _HOLDS_UP = np.array([cause not in OWN for cause in Cause])
 """Whether a cause keeps a robot from what it is about."""
-_WORDS = ("idle", "driving empty", "driving loaded", "waiting", "docked", "fault", "held", "charging", "standing")
-_EMPTY, _LOADED, _WAITS, _HELD = (_WORDS.index(word) for word in ("driving empty", "driving loaded", "waiting", "held"))
-_WORD_OF = {
-    CarPhase.TO_PICK: _EMPTY,
-    CarPhase.TO_DROP: _LOADED,
-    CarPhase.TO_CHARGER: _EMPTY,
-    CarPhase.TO_PLACE: _EMPTY,
-    CarPhase.LOADING: _WORDS.index("docked"),
-    CarPhase.UNLOADING: _WORDS.index("docked"),
-    CarPhase.HELD: _HELD,
-    CarPhase.CHARGING: _WORDS.index("charging"),
-    CarPhase.STANDING: _WORDS.index("standing"),
-    CarPhase.DEAD: _WORDS.index("fault"),
-    CarPhase.RECOVERING: _WORDS.index("fault"),
-}
-_WORD_OF_PHASE = np.array([_WORD_OF.get(phase, 0) for phase in PHASES])
-_SLOW_MPS = 0.05
-"""A car on its way that is slower than this waits."""
+_WORDS = tuple(account.words for account in Account)
+_WAITS = np.array([account in WAITING for account in Account])
 _CLEARANCE_M = 2.0
 """Clearances are plotted up to this [m]."""
 _SAMPLE_S = 0.2
@@ -98,7 +82,7 @@ def words_of_arms(phases: Sequence[ArmPhase], causes: npt.NDArray[np.int32]) -> 
     """
     waits = (causes == Cause.AWAITS).tolist()
     return tuple(
-        Account.AWAITING.name.lower() if awaits and phase is ArmPhase.IDLE else phase
+        Account.AWAITING.words if awaits and phase is ArmPhase.IDLE else phase
         for phase, awaits in zip(phases, waits, strict=True)
     )
 
@@ -178,7 +162,7 @@ class Watch:
         self._epoch = -1
         self._due_s: dict[float, float] = {}
         self._sampled_s = 0.0
-        self._codes = np.full(run.world.n_cars, -1)
+        self._car_accounts = np.full(run.world.n_cars, -1)
         self._car_words: tuple[str, ...] = ()
         self._arm_words: tuple[str, ...] = ()
         self._parcels = np.empty(0, dtype=np.int64)
@@ -194,6 +178,16 @@ class Watch:
         self._recorder.log(LogLine(tick=event.tick, sim_s=event.sim_s, text=_sentence(event), level=level))
         if event.kind == "task":
             self._changed_tasks[str(event.facts["task"])] = str(event.facts["state"])
+
+    def note_longest_wait(self) -> None:
+        """At the end, put the longest wait of a car into the log, at the time at which it is told best: one click."""
+        log, codebook = self._figures.causes.log, self._figures.codebook
+        if (wait := longest_wait(log, codebook)) is None:
+            return
+        tick = int(wait.at_s / self._run.tick_s)
+        why = explain(log, codebook, wait.robot, wait.at_s)
+        text = f"longest wait of the run, {wait.lasts_s:.1f} s: {why}"
+        self._recorder.log(LogLine(tick=tick, sim_s=tick * self._run.tick_s, text=text, level="WARN"))
 
     def look(self) -> None:
         """Record the present tick if a frame is due."""
@@ -250,13 +244,12 @@ class Watch:
 
     def _look_at_words(self, frame: Frame) -> None:
         """States of cars and arms; the tuples stay the same objects until a word changes."""
-        codes = _WORD_OF_PHASE[self._run.missions.phase_index]
-        codes[((codes == _EMPTY) | (codes == _LOADED)) & (np.abs(frame.car_speeds) <= _SLOW_MPS)] = _WAITS
-        if (codes != self._codes).any():
-            self._codes = codes
-            self._car_words = tuple(_WORDS[code] for code in codes.tolist())
+        accounts = self._figures.metrics.time_accounts.now[: self._run.world.n_cars]
+        if (accounts != self._car_accounts).any():
+            self._car_accounts = accounts.copy()
+            self._car_words = tuple(_WORDS[account] for account in accounts.tolist())
         phases = [service.state for service in self._run.arm_manager.services]
-        arms = words_of_arms(phases, self._figures.causes.rows[len(codes) :, Column.CAUSE])
+        arms = words_of_arms(phases, self._figures.causes.rows[self._run.world.n_cars :, Column.CAUSE])
         if arms != self._arm_words:
             self._arm_words = arms
         frame.car_state, frame.arm_state = self._car_words, self._arm_words
@@ -339,7 +332,7 @@ class Watch:
         grid = run.site.grid
         n_cars = run.world.n_cars
         group = _GROUP_OF[self._figures.causes.rows[:n_cars, Column.CAUSE]]
-        stands = (group >= 0) & ((self._codes == _WAITS) | (self._codes == _HELD))
+        stands = (group >= 0) & _WAITS[self._car_accounts]
         xy = frame.car_poses[stands, :2] / grid.cell_m
         col = np.clip(xy[:, 0].astype(np.int64), 0, grid.cols - 1)
         row = np.clip(grid.rows - 1 - np.floor(xy[:, 1]).astype(np.int64), 0, grid.rows - 1)

@@ -178,6 +178,8 @@ def run_session(config: RunConfig, session: SessionConfig, make: MakeSimulation 
             bridge = Bridge(simulation, session.bridge, pace, trust=session.trust, lidar=session.lidar)
         course = _loop(simulation, _Watched(look=look, bridge=bridge), pace, started, interrupted)
         simulation.log("run_ended")
+        if session.record:
+            watch.note_longest_wait()
         result = _result(simulation, course, run_file.name, interrupted=bool(interrupted))
         if course.error is None:
             run_file.result(result)

@@ -47,6 +47,7 @@ class Tracer:
             "cell_m": site.grid.cell_m,
             "stations": stations,
             "places": (*stations, *chargers, *parking),
+            "place_cells": list(map(int, run.places.cells)),
             "phases": PHASES,
             "arm_states": _ARM_STATES,
         }

@@ -11,6 +11,7 @@ from fleet.charts.drawing import Drawing
 from fleet.charts.statistics import Estimate
 from fleet.study.conclusions import between, sentences
 from fleet.study.findings import Findings, Point
+from fleet.whole_file import write_whole
 
 PAGE = "study.html"
 
@@ -88,7 +89,7 @@ had the same orders. The row of a knee is coloured, where there is one.</p>
 </body>
 </html>
 """
-    path.write_text(page, encoding="utf-8")
+    write_whole(path, page)
 
 
 def _table(findings: Findings) -> str:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import csv
+import io
 from collections.abc import Iterable
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, get_type_hints
 
 from fleet.study.design import StudyError, Variant
+from fleet.whole_file import write_whole
 
 CSV_FILE = "study.csv"
 
@@ -114,12 +116,11 @@ class TableFile:
         self._write()
 
     def _write(self) -> None:
-        part = self._path.with_name(f".{self._path.name}.part")
-        with part.open("w", newline="", encoding="utf-8") as file:
-            table = csv.writer(file)
-            table.writerow(COLUMNS)
-            table.writerows(_fields(row) for row in self.rows)
-        part.replace(self._path)
+        text = io.StringIO(newline="")
+        table = csv.writer(text)
+        table.writerow(COLUMNS)
+        table.writerows(_fields(row) for row in self.rows)
+        write_whole(self._path, text.getvalue())
 
 
 def read_rows(path: Path) -> list[Row]:

@@ -124,11 +124,12 @@ class YardRun:
 
     @property
     def car_words(self) -> tuple[str, ...]:
-        """What each car is about: `driving`, `waiting` on its way, or `docked` at a spot."""
+        """What each car is about, in the words of the time accounts: driving to set down is driving loaded."""
         slow = np.abs(self.world.car_speeds()) < _STILL_MPS
+        loaded = [self.yard.kinds[spot] == DROP for spot in self._at]
         return tuple(
-            "docked" if arrived else "waiting" if stands else "driving"
-            for arrived, stands in zip(self._arrived.tolist(), slow.tolist(), strict=True)
+            "served" if arrived else "traffic" if stands else f"driving {'loaded' if carries else 'empty'}"
+            for arrived, stands, carries in zip(self._arrived.tolist(), slow.tolist(), loaded, strict=True)
         )
 
     def ways(self) -> tuple[tuple[FloatArray, ...], tuple[FloatArray, ...]]:

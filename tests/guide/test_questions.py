@@ -23,7 +23,7 @@ QUESTIONS = [
     (
         "How fast and how large are the cars, what do they carry?",
         "docs/guide/limits.md",
-        ["1 m/s", "0.50 m long", "2 kg"],
+        ["1 m/s", "0.50 m long", "wheelbase 0.325 m", "2 kg"],
     ),
     ("Where are my results, and what does a figure mean?", "docs/guide/demo.md", ["`result.json`", "results.md"]),
     ("I have no display. How do I see anything?", "docs/guide/troubleshooting.md", ["`fleet shot` paints", "tunnel"]),

@@ -8,7 +8,9 @@ from pathlib import Path
 import pytest
 
 from fleet.cli.main import main
-from fleet.recording import shot
+from fleet.cli.run_output import longest_wait_in
+from fleet.recording import LogLine, NullRecorder, shot
+from fleet.session import runner
 
 
 def said(words: list[str], capsys: pytest.CaptureFixture[str]) -> tuple[object, str, str]:
@@ -45,6 +47,8 @@ def test_what_has_no_recording_is_refused_by_name(
         (["--size", "0x9"], "WIDTHxHEIGHT"),
         (["--at", "-1"], "a number >= 0"),
         (["--at", "inf"], "a number >= 0"),
+        (["--at", "soon"], "a number >= 0, or longest-wait"),
+        (["--at", "longest-wait"], "no run in"),
     ],
 )
 def test_bad_options_of_a_picture_are_one_line(
@@ -77,6 +81,35 @@ def test_a_picture_is_asked_for_as_typed(
     assert asked == [((run / "recording.rrd", Path("x.png")), {"time_s": 3.0, "size": (80, 60), "view": "Site"})]
     status, _, err = said(words, capsys)
     assert (status, err) == (1, "slow\n")
+
+
+def test_the_longest_wait_is_one_word_away(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A friction of the first hour: nothing to click for the longest wait."""
+    lines: list[LogLine] = []
+
+    class Listener(NullRecorder):
+        def log(self, line: LogLine) -> None:
+            lines.append(line)
+
+    run = tmp_path / "run"
+    monkeypatch.setattr(runner, "open_recorder", lambda *_, **__: Listener())
+    said(["demo", "--robots", "6", "--tasks", "6", "--fidelity", "grid", "--out", str(run)], capsys)
+    (run / "recording.rrd").write_bytes(b"RRF2")
+    asked = []
+    monkeypatch.setattr(shot, "screenshot", lambda *_, **settings: asked.append(settings["time_s"]) or ())
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    assert said(["shot", str(run), str(tmp_path / "x.png"), "--at", "longest-wait"], capsys)[0] == 0
+    (time_s,) = asked
+    wait = longest_wait_in(run)
+    assert wait is not None
+    assert wait.from_s <= time_s <= wait.to_s
+    assert f"picture.png --at {time_s:g})" in said(["view", str(run), "--at", "longest-wait"], capsys)[1]
+    (line,) = (line for line in lines if line.text.startswith("longest wait of the run"))
+    assert (line.level, line.sim_s) == ("WARN", pytest.approx(time_s, abs=0.02))
+    assert f"{wait.robot} has waited" in line.text
 
 
 def test_without_a_display_it_says_how_to_look(

@@ -17,7 +17,7 @@ from fleet.insight.time_accounts import Account
 from fleet.insight.time_table import NoPandas
 from fleet.recording.trace_file import CHANGE, Quantity
 from fleet.report.loaded_run import Run, load_run
-from fleet.report.page import COLOUR_OF_ACCOUNT
+from fleet.report.page import COLOUR_OF_ACCOUNT, throughput_of, write_page
 from fleet.report.plots import columns
 from fleet.report.table import Table, table
 from fleet.report.tables import tables_of
@@ -240,6 +240,37 @@ def spoil_cell(path: Path) -> None:
     table = np.frombuffer(bytearray(content), CHANGE, n_changes, 8 + n_ticks * (8 + 2 * (N_CARS + 4)))
     table["value"][np.flatnonzero(table["quantity"] == Quantity.CELL)[0]] = 16 * 99
     path.write_bytes(head + b"\n" + table.base.obj)  # type: ignore[union-attr]
+
+
+def test_bars_of_the_throughput_are_wide_enough_for_some_tasks_each(run: Run) -> None:
+    """A friction of the first hour: bars of 5 s, each of one task or none, 720 per hour high."""
+    names = ("from_s", "to_s", "done_n", "per_h", "open_n")
+    rows = [(2.0 * k, min(2.0 * k + 2.0, 57.0), int(k in (5, 9, 14, 16, 20, 28)), 0.0, 0) for k in range(29)]
+    edges, per_h = throughput_of(table("progress", names, rows), 57.0)
+    assert edges.tolist() == [0.0, 20.0, 40.0, 57.0]
+    assert per_h * np.diff(edges) / 3600.0 == pytest.approx([2, 2, 2])
+    many = [(2.0 * k, 2.0 * k + 2.0, 9, 0.0, 0) for k in range(30)]
+    assert len(throughput_of(table("progress", names, many), 60.0)[1]) == 30
+
+
+def test_heat_maps_have_the_names_of_stations(run: Run, tables: dict[str, Table], tmp_path: Path) -> None:
+    """A friction of the first hour: maps of one to three cells without a name on them."""
+    write_page(tmp_path / "page.html", run, tables)
+    page = (tmp_path / "page.html").read_text(encoding="utf-8")
+    part = page[page.index("Where on the floor") : page.index("Tasks over time")]
+    maps = part.split("<svg")[1:]
+    assert maps
+    for drawn in maps:
+        assert drawn.count("cell (") > 4
+        assert all(f">{name}<" in drawn for name in run.trace.stations)
+    station = run.trace.stations[0]
+    cell = run.trace.place_cells[0]
+    row, col = divmod(cell, len(run.trace.plan[0]))
+    assert run.trace.plan[row][col] == ("P" if station.startswith("pick") else "D")
+    few = {**tables, "cells": table("cells", ("row", "col", "visits_n", "wait_station_s"), [(row, col, 1, 4.25)])}
+    write_page(tmp_path / "few.html", run, few)
+    page = (tmp_path / "few.html").read_text(encoding="utf-8")
+    assert f"4.2 s in cell ({row}, {col}) at {station}." in page
 
 
 def test_axes_without_a_value_have_a_round_scale() -> None:

@@ -14,6 +14,7 @@ from fleet.cli.recordings.picture_file import require_writable
 from fleet.cli.recordings.run_recording import run_of
 from fleet.cli.run_output import plain_console
 from fleet.config import require
+from fleet.whole_file import write_whole
 
 WIDTH_PX = 1000
 LEAST_PX_PER_M, MOST_PX_PER_M = 8.0, 60.0
@@ -58,6 +59,6 @@ class FilmOfRun:
             width_m = run.site.grid.cols * run.site.grid.cell_m
             px_per_m = min(max(WIDTH_PX / width_m, LEAST_PX_PER_M), MOST_PX_PER_M)
             text = film(run, begin_s=self.at, length_s=length_s, px_per_m=px_per_m, told=told)
-        self.svg.write_text(text, encoding="utf-8")
+        write_whole(self.svg, text)
         plain_console().print(f"film: {self.svg}", soft_wrap=True)
         return 0

@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
+from fleet.cli.run_output import longest_wait_in
+from fleet.config import require
 from fleet.errors import ConfigError
+
+LONGEST_WAIT = "longest-wait"
+"""What may be said instead of a time."""
 
 
 def recording_of(folder: Path) -> Path:
@@ -31,3 +37,26 @@ def run_of(path: Path) -> Path:
     from fleet.recording.run_file import EVENTS
 
     return path.parent if path.name == EVENTS else path
+
+
+def moment_of(at: str | None, recording: Path) -> float | None:
+    """The time that is meant by an option `--at` [s]; None if it is not given.
+
+    Args:
+        at: A number, or `LONGEST_WAIT`.
+        recording: Of the run, beside its other files.
+
+    Raises:
+        ConfigError: It is neither, or no car waited.
+        OutputError: There is no run beside the recording that could tell.
+    """
+    if at == LONGEST_WAIT:
+        wait = longest_wait_in(recording.parent)
+        require(wait is not None, "--at", at, "a time [s]: no car of this run waited for a second")
+        return wait.at_s if wait is not None else None
+    try:
+        time_s = math.nan if at is None else float(at)
+    except ValueError:
+        time_s = -1.0
+    require(at is None or 0.0 <= time_s < math.inf, "--at", at, f"a number >= 0, or {LONGEST_WAIT}")
+    return None if at is None else time_s

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,7 +10,7 @@ from typing import Annotated
 import tyro
 
 from fleet.cli.recordings.picture_file import require_writable
-from fleet.cli.recordings.run_recording import recording_of
+from fleet.cli.recordings.run_recording import moment_of, recording_of
 from fleet.cli.run_output import plain_console
 from fleet.config import require
 
@@ -27,8 +26,8 @@ class Shot:
     """Directory of a run, or its recording."""
     png: Annotated[Path, tyro.conf.Positional]
     """Picture to write."""
-    at: float | None = None
-    """Simulated time [s]; where the recording opens if not given."""
+    at: str | None = None
+    """Simulated time [s], or longest-wait; where the recording opens if not given."""
     size: str = "1600x900"
     """Width and height in pixels."""
     view: str | None = None
@@ -41,10 +40,10 @@ class Shot:
         width, height = parse_size(self.size) or (0, 0)
         fits = 0 < width <= MOST_PX and 0 < height <= MOST_PX
         require(fits, "--size", self.size, f"WIDTHxHEIGHT, each from 1 to {MOST_PX}")
-        require(self.at is None or 0.0 <= self.at < math.inf, "--at", self.at, "a number >= 0")
         path = recording_of(self.folder)
+        at_s = moment_of(self.at, path)
         require_writable("PNG", self.png, ".png")
-        complaints = screenshot(path, self.png, time_s=self.at, size=(width, height), view=self.view)
+        complaints = screenshot(path, self.png, time_s=at_s, size=(width, height), view=self.view)
         sys.stderr.writelines(f"{complaint}\n" for complaint in complaints)
         plain_console().print(f"picture: {self.png}", soft_wrap=True)
         return COMPLAINED if complaints else 0

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import tyro
 
-from fleet.cli.recordings.run_recording import recording_of
+from fleet.cli.recordings.run_recording import moment_of, recording_of
 from fleet.cli.run_output import plain_console, show_recording
 
 
@@ -18,8 +18,11 @@ class View:
 
     folder: Annotated[Path, tyro.conf.Positional]
     """Directory of a run, or its recording."""
+    at: str | None = None
+    """Simulated time to show [s], or longest-wait; where the recording opens if not given."""
 
     def run(self) -> int:
         """Open it."""
-        show_recording(plain_console(), recording_of(self.folder), view=True)
+        path = recording_of(self.folder)
+        show_recording(plain_console(), path, view=True, at_s=moment_of(self.at, path))
         return 0

@@ -12,16 +12,18 @@ _GOLDEN = 0.6180339887498949
 """Fraction of the hue circle between consecutive ids: neighbours differ most (golden angle)."""
 
 _CAR_STATES = {
-    "idle": 0x6B7280FF,
-    "driving empty": 0x3B82F6FF,
     "driving loaded": 0x22C3E6FF,
-    "waiting": 0xF59E0BFF,
-    "docked": 0x8B5CF6FF,
-    "fault": 0xEF4444FF,
-    "held": 0xB45309FF,
+    "driving empty": 0x3B82F6FF,
+    "traffic": 0xF59E0BFF,
+    "queue": 0x8B5CF6FF,
+    "plan late": 0xFACC15FF,
+    "served": 0x10B981FF,
+    "visiting": 0xA3E635FF,
     "charging": 0x14B8A6FF,
-    "standing": 0xA3E635FF,
+    "fault": 0xEF4444FF,
+    "idle": 0x6B7280FF,
 }
+"""The time accounts of cars; who waits has the colour of what it waits for, see `CAUSE_COLOURS`."""
 _ARM_STATES = {
     "idle": 0x6B7280FF,
     "awaiting": 0xB98A45FF,
@@ -63,7 +65,7 @@ BOX_DEFAULT = 0x808080FF
 FLOOR = 0x2A2F38FF
 LANE = 0x7B879AFF
 PARKING = 0x3A4656FF
-DOCK = 0x4A3F6BFF
+DOCK = 0x57534EFF
 LABEL = 0x5B9BD5FF
 """Legible on the dark and on the light names of a viewer."""
 

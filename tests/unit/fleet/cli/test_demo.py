@@ -10,6 +10,7 @@ import pytest
 
 from fleet.cli import run_output
 from fleet.cli.main import main
+from fleet.recording import viewer
 
 OWN = "tests.unit.planners.own_members"
 
@@ -31,7 +32,7 @@ def opened(monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
 
     # Not the module that all share: the run itself starts a planning process.
     names = {"Popen": open_viewer, "DEVNULL": subprocess.DEVNULL}
-    monkeypatch.setattr(run_output, "subprocess", SimpleNamespace(**names))
+    monkeypatch.setattr(viewer, "subprocess", SimpleNamespace(**names))
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
     return commands
@@ -99,6 +100,7 @@ def test_what_to_type_next_is_told_and_can_be_typed(tmp_path: Path, capsys: pyte
     why, page = (re.search(rf"{run_output.own_words()} ({word} .*?)\)?$", said, re.M) for word in ("why", "report"))
     assert why is not None
     assert page is not None
+    assert " view " not in said  # there is no recording
     for words in (why[1], page[1]):
         with pytest.raises(SystemExit) as stop:
             main(words.split())

@@ -94,7 +94,7 @@ def made_up_frames(scene: Scene, n_frames: int, *, rate_hz: float = 30.0) -> Ite
         )
 
 
-CAR_WORDS = ("driving empty", "waiting", "docked", "idle")
+CAR_WORDS = ("driving empty", "traffic", "served", "idle")
 ARM_WORDS = ("idle", "planning", "moving")
 TASK_WORDS = ("ready", "assigned", "loading", "carried", "unloading", "delivered")
 

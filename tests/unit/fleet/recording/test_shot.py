@@ -8,7 +8,8 @@ from types import SimpleNamespace
 import pytest
 
 from fleet.recording import Header, RecordingError, RerunRecorder
-from fleet.recording.shot import TooSlow, _patiently, _require_moment, _settled, parse_size, screenshot
+from fleet.recording.shot import _settled, parse_size, screenshot
+from fleet.recording.viewer import TooSlow, patiently, require_moment
 from tests.unit.fleet.recording.conftest import made_up_frames, made_up_scene
 
 SOFTWARE_DRIVER = any(Path("/usr/share/vulkan/icd.d").glob("lvp_icd*.json"))
@@ -44,7 +45,7 @@ def test_a_viewer_that_ends_after_it_has_answered_has_no_graphics_driver() -> No
     with subprocess.Popen([sys.executable, "-c", ""]) as process:
         process.wait()
         with pytest.raises(RecordingError, match=r"no graphics driver found; .*mesa-vulkan-drivers"):
-            _patiently(process, ask)
+            patiently(process, ask)
 
 
 @pytest.mark.parametrize(
@@ -61,9 +62,9 @@ def test_a_picture_is_taken_when_it_stays_the_same(painted: str, taken: str, n_p
 def test_a_time_after_the_end_is_refused() -> None:
     line = SimpleNamespace(name="sim_time", end=12_500_000_000)
     state = SimpleNamespace(recordings=[SimpleNamespace(timelines=[SimpleNamespace(name="tick", end=10**12), line])])
-    _require_moment(12.5, state, Path("a.rrd"))  # type: ignore[arg-type]
+    require_moment(12.5, state, Path("a.rrd"))  # type: ignore[arg-type]
     with pytest.raises(RecordingError, match=r"time 13 s is not in a\.rrd; valid: a number from 0 to 12\.50"):
-        _require_moment(13.0, state, Path("a.rrd"))  # type: ignore[arg-type]
+        require_moment(13.0, state, Path("a.rrd"))  # type: ignore[arg-type]
 
 
 @pytest.mark.slow

@@ -27,7 +27,7 @@ def many(path: Path, cars: Words, tasks: Callable[[int], Mapping[str, str]]) -> 
 
 def test_every_lane_of_a_shared_entity_has_its_states(tmp_path: Path) -> None:
     def cars(k: int) -> tuple[str, ...]:
-        return tuple("waiting" if (car + k) % 4 == 0 else "driving empty" for car in range(12))
+        return tuple("traffic" if (car + k) % 4 == 0 else "driving empty" for car in range(12))
 
     path = many(tmp_path / "a.rrd", cars, lambda k: {})
     for first, entity in zip((0, 5, 10), car_paths(0, 11), strict=True):

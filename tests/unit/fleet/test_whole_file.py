@@ -1,0 +1,37 @@
+"""Files that are whole or not there."""
+
+import os
+import stat
+from pathlib import Path
+
+import pytest
+
+from fleet.whole_file import write_whole
+
+
+def test_a_file_is_replaced_and_nothing_else_is_left(tmp_path: Path) -> None:
+    (tmp_path / "a.txt").write_text("old", encoding="utf-8")
+    write_whole(tmp_path / "a.txt", "new ±")
+    assert [(path.name, path.read_bytes()) for path in tmp_path.iterdir()] == [("a.txt", "new ±".encode())]
+
+
+def test_what_cannot_be_written_leaves_the_old_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(_: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    (tmp_path / "a.txt").write_text("old", encoding="utf-8")
+    monkeypatch.setattr("os.fsync", full)
+    with pytest.raises(OSError, match="No space left") as refused:
+        write_whole(tmp_path / "a.txt", b"new")
+    assert refused.value.filename == str(tmp_path / "a.txt")
+    assert [(path.name, path.read_text()) for path in tmp_path.iterdir()] == [("a.txt", "old")]
+
+
+def test_a_link_is_followed_and_a_device_stays_one(tmp_path: Path) -> None:
+    (tmp_path / "link").symlink_to(tmp_path / "file")
+    write_whole(tmp_path / "link", "through")
+    assert (tmp_path / "link").is_symlink()
+    assert (tmp_path / "file").read_text() == "through"
+    (tmp_path / "device").symlink_to("/dev/null")
+    write_whole(tmp_path / "device", "gone")
+    assert stat.S_ISCHR(os.stat("/dev/null").st_mode)
