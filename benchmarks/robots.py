@@ -16,7 +16,7 @@ from fleet.robots import CARS, CarModels
 from fleet.robots.differential import SkidChassis
 from fleet.robots.twist import TWIST_ROBOTS
 from fleet.world.bullet.cars import Cars
-from fleet.world.bullet.vehicles.floor import BareFloor
+from fleet.world.bullet.vehicles.floor import BareFloor, load_on_floor
 from fleet.world.bullet.vehicles.legged import Legged
 from fleet.world.bullet.vehicles.skid_steered import SkidSteered
 
@@ -122,7 +122,8 @@ def _step_s(name: str, n_robots: int) -> float:
     elif isinstance(chassis := TWIST_ROBOTS[name]().chassis, SkidChassis):
         robots = SkidSteered(floor.client, chassis, start)
     else:
-        robots = Legged(floor.client, chassis, start, floor.step_s, TICK_S, np.random.default_rng(0))
+        bodies = [load_on_floor(floor.client, chassis.description, pose) for pose in start]
+        robots = Legged(floor.client, chassis, bodies, floor.step_s, TICK_S, np.random.default_rng(0))
     commands = np.tile(_CIRCLES[name], (n_robots, 1))
     n_per_tick = round(TICK_S / floor.step_s)
     try:
@@ -130,10 +131,7 @@ def _step_s(name: str, n_robots: int) -> float:
         for step in range(_N_STEPS):
             if step % n_per_tick == 0:
                 robots.drive(commands)
-            if isinstance(robots, Cars):
-                robots.shove()
-            else:
-                robots.before_step()
+            robots.before_step()
             floor.step()
             if step % n_per_tick == n_per_tick - 1:
                 robots.reading()

@@ -1,10 +1,10 @@
-"""Robots that are told a speed and a yaw rate: a skid-steered Husky, a trotting A1, and how they follow paths."""
+"""Robots that are told a speed and a yaw rate: a Husky, a trotting A1, and how they follow paths."""
 
 from collections.abc import Callable
 
+from fleet.robots.differential import TwistFollowerConfig
 from fleet.robots.twist.a1 import A1_FOLLOWER
 from fleet.robots.twist.a1 import a1_spec as a1_spec
-from fleet.robots.twist.follower import TwistFollowerConfig
 from fleet.robots.twist.husky import husky_spec as husky_spec
 from fleet.robots.twist.promise import TwistPromise
 from fleet.robots.twist.spec import TwistSpec
