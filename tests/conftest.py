@@ -45,6 +45,7 @@ LONG = (
     "tests/integration/test_two_way.py",
     "tests/integration/test_unlike_arms.py",
     "tests/integration/test_unlike_cars.py",
+    "tests/integration/test_walkers.py",
     "tests/integration/test_yard.py",
     "tests/interop",
     "tests/unit/benchmarks",

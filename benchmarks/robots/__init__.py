@@ -10,19 +10,21 @@ from collections.abc import Callable, Iterable
 from benchmarks.harness import Row, Trial, grouped
 from benchmarks.robots.alone import measure_alone
 from benchmarks.robots.mixed import measure_mixed, measure_trays
+from benchmarks.robots.shifts import measure_shifts
 from benchmarks.robots.stations import measure_stations
 
 GROUPS: dict[str, Callable[[Trial], Iterable[Row]]] = {
     "alone": measure_alone,
     "mixed": measure_mixed,
     "trays": measure_trays,
+    "shifts": measure_shifts,
     "panda": measure_stations,
 }
 
 BENCHMARK = grouped(
     GROUPS,
     name="robots",
-    summary="racecar, Husky and A1 alone on a bare floor; mixed fleets; a Panda and an xArm at stations",
+    summary="racecar, Husky, A1 and lifter alone on a bare floor; mixed fleets; a Panda and an xArm at stations",
     seeds=tuple(range(20)),
     quick_seeds=(0,),
 )

@@ -1,4 +1,4 @@
-"""Benchmark of robots by themselves: how exactly they drive, what an A1 carries and survives, what a step costs."""
+"""Benchmark of robots: how exactly they drive, what an A1 carries and survives, pods, a fleet of three kinds, costs."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 
 from benchmarks.harness import Kind, Row, Trial
 from fleet.proving.course import LANES
+from fleet.proving.pods import carry
 from fleet.proving.show import arrivals_apart
 from fleet.proving.trial import TrialReport, drive, yaw_rate_error
 from fleet.proving.vehicles import TICK_S, VEHICLES
@@ -16,7 +17,7 @@ from fleet.robots import CARS, CarModels
 from fleet.robots.differential import SkidChassis
 from fleet.robots.twist import TWIST_ROBOTS
 from fleet.world.bullet.cars import Cars
-from fleet.world.bullet.vehicles.floor import BareFloor
+from fleet.world.bullet.vehicles.floor import BareFloor, load_on_floor
 from fleet.world.bullet.vehicles.legged import Legged
 from fleet.world.bullet.vehicles.skid_steered import SkidSteered
 
@@ -37,7 +38,7 @@ def measure_alone(trial: Trial) -> list[Row]:
     rows.append(
         Row(name="husky: yaw rate error", value=100 * yaw_rate_error(VEHICLES["husky"]), unit="%", target="<= 2")
     )
-    return rows + _lanes(trial) + _pushes(trial) + _costs()
+    return rows + _lanes(trial) + _pushes(trial) + _pods(trial) + _costs()
 
 
 def _course(trial: Trial, name: str) -> list[Row]:
@@ -98,6 +99,32 @@ def _pushes(trial: Trial) -> list[Row]:
     return [Row(name=f"a1, pushed by {PUSH_MPS:g} m/s: stays up", value=share, unit="%", target=">= 90")]
 
 
+def _pods(trial: Trial) -> list[Row]:
+    carried = [carry(seed) for seed in trial.seeds]
+    for seed, report in zip(trial.seeds, carried, strict=True):
+        trial.check(report.arrived, f"pod, seed {seed}: the lifter did not arrive")
+    return [
+        Row(
+            name="pod carried 20 m: off its place, largest",
+            value=1000 * max(report.off_m for report in carried),
+            unit="mm",
+            target="<= 20",
+        ),
+        Row(
+            name="pod carried 20 m: off its yaw, largest",
+            value=math.degrees(max(report.off_rad for report in carried)),
+            unit="degrees",
+            target="<= 2",
+        ),
+        Row(
+            name="pod carried 20 m: touches beside the plate",
+            value=sum(report.n_touches for report in carried),
+            unit="",
+            target="<= 0",
+        ),
+    ]
+
+
 def _costs() -> list[Row]:
     step_s = {}
     for name in _CIRCLES:
@@ -122,7 +149,8 @@ def _step_s(name: str, n_robots: int) -> float:
     elif isinstance(chassis := TWIST_ROBOTS[name]().chassis, SkidChassis):
         robots = SkidSteered(floor.client, chassis, start)
     else:
-        robots = Legged(floor.client, chassis, start, floor.step_s, TICK_S, np.random.default_rng(0))
+        bodies = [load_on_floor(floor.client, chassis.description, pose) for pose in start]
+        robots = Legged(floor.client, chassis, bodies, floor.step_s, TICK_S, np.random.default_rng(0))
     commands = np.tile(_CIRCLES[name], (n_robots, 1))
     n_per_tick = round(TICK_S / floor.step_s)
     try:
@@ -130,10 +158,7 @@ def _step_s(name: str, n_robots: int) -> float:
         for step in range(_N_STEPS):
             if step % n_per_tick == 0:
                 robots.drive(commands)
-            if isinstance(robots, Cars):
-                robots.shove()
-            else:
-                robots.before_step()
+            robots.before_step()
             floor.step()
             if step % n_per_tick == n_per_tick - 1:
                 robots.reading()

@@ -13,16 +13,17 @@ import numpy as np
 from fleet.arrays import FloatArray
 from fleet.proving.course import CURVES, CURVES_AND_TURNS, Course
 from fleet.robots import CARS, CarModels
+from fleet.robots.differential import LeggedChassis, TwistFollowerConfig
 from fleet.robots.estimator import PoseEstimator
 from fleet.robots.pursuit import Follower, PathBuffer
 from fleet.robots.twist import TWIST_PROMISES, TWIST_ROBOTS
-from fleet.robots.twist.follower import TwistFollower, TwistFollowerConfig
+from fleet.robots.twist.follower import TwistFollower
 from fleet.robots.twist.inertial import InertialEstimator
 from fleet.robots.twist.motion import TwistMotion
-from fleet.robots.twist.spec import LeggedChassis, TwistSpec
+from fleet.robots.twist.spec import TwistSpec
 from fleet.world.bullet.cars import Cars
 from fleet.world.bullet.engine.client import Client
-from fleet.world.bullet.vehicles.floor import BareFloor
+from fleet.world.bullet.vehicles.floor import BareFloor, load_on_floor
 from fleet.world.bullet.vehicles.legged import Legged
 from fleet.world.bullet.vehicles.skid_steered import SkidSteered
 from fleet.world.kinematic import TYRE_GRIP_MPS2, BicycleCars
@@ -116,7 +117,8 @@ class PhysicalTwist:
         start = np.zeros((1, 3))
         self.robots: Legged | SkidSteered
         if isinstance(spec.chassis, LeggedChassis):
-            self.robots = Legged(floor.client, spec.chassis, start, floor.step_s, TICK_S, rng)
+            bodies = [load_on_floor(floor.client, spec.chassis.description, start[0])]
+            self.robots = Legged(floor.client, spec.chassis, bodies, floor.step_s, TICK_S, rng)
         else:
             self.robots = SkidSteered(floor.client, spec.chassis, start)
         if load_kg:
@@ -186,7 +188,7 @@ class PhysicalCar:
         """See `VehicleBody`."""
         self._cars.drive(command.reshape(1, 2))
         for _ in range(self._n_steps):
-            self._cars.shove()
+            self._cars.before_step()
             self._floor.step()
         now = self._cars.now = self._cars.reading()
         _, (_, _, rate) = self._floor.client.getBaseVelocity(self._cars.bodies[0])

@@ -1,8 +1,8 @@
-"""Differential: drives that are told a speed and a yaw rate: limits, response, and wheels that do not steer."""
+"""Differential: drives that are told a speed and a yaw rate: limits, response, and wheels that do not steer or legs."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -102,9 +102,87 @@ class SkidChassis:
 
 
 @dataclass(frozen=True, kw_only=True)
+class TrotConfig:
+    """Sizes of the legs and numbers of the gait."""
+
+    link_m: float
+    """Length of the upper and of the lower leg [m]."""
+    hip_m: float
+    """From the axis about which a leg rolls out to the leg [m]."""
+    foot_x_m: float
+    """Feet stand so far ahead of the middle, and behind it [m]."""
+    foot_y_m: float
+    """And so far beside it [m]."""
+    height_m: float = 0.28
+    """Of the hips above the feet [m]."""
+    lift_m: float = 0.05
+    """How high a foot swings [m]."""
+    frequency_hz: float = 3.0
+    """Cycles per second."""
+    speed_gain: float = 1.045
+    """Steps bring so many times the speed for which they are as long as they should be: measured on the A1, whose body
+    goes on by itself between two steps."""
+    yaw_gain: float = 1.067
+    """The same of the yaw rate."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class LeggedChassis:
+    """How engines build and drive a robot on four legs."""
+
+    description: str
+    """URDF text; its base frame is the reference point."""
+    joints: tuple[str, ...]
+    """Joints in the order of `Trot.joint_targets`."""
+    hip_z_m: float
+    """Height of the hips above the reference point when it stands [m]."""
+    trot: TrotConfig
+    torque_nm: float
+    """Most torque of a joint."""
+    gains: tuple[float, float]
+    """Of the engine's position motors, for position and velocity."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TwistFollowerConfig:
+    """Gains of the follower."""
+
+    cross_per_m2: float = 16.0
+    """Curvature against a metre beside the path: errors die out over `1 / sqrt` of it, a quarter of a metre."""
+    heading_per_m: float = 8.0
+    """Curvature against a radian of heading error: twice the root of `cross_per_m2` damps without overshoot."""
+    lag_s: float = 0.05
+    """Delay between a yaw rate and the body's, by which the path's own curvature is taken ahead [s]."""
+    brake_fraction: float = 0.6
+    """Share of the braking, along the path and in turns, that planned stops use."""
+    approach_per_s: float = 4.0
+    """Speed per metre, and yaw rate per radian, left before a stop [1/s]."""
+    creep_mps: float = 0.02
+    """Least speed until the stop is reached [m/s]."""
+    stop_tolerance_m: float = 0.002
+    """A robot this close to its stop, or past it, stands."""
+    slow_mps: float = 0.06
+    """Below this speed a robot may be told to stand at its stop [m/s]."""
+    turn_tolerance_rad: float = 0.005
+    """A turn on the spot ends this close to its yaw, or past it."""
+    slow_radps: float = 0.05
+    """Least yaw rate in a turn on the spot until it is done [rad/s]."""
+    hold_per_s: float = 2.0
+    """Speed for each metre by which a robot that turns on the spot has left the spot, ahead or back [1/s]."""
+    hold_mps: float = 0.05
+    """That speed at most [m/s]."""
+    restart_m: float = 0.02
+    """A standing robot ignores a stop nearer than this [m], so that noise does not wake it."""
+    braked_restart_m: float = 0.2
+    """One that has its brake on ignores a stop nearer than this [m], as `FollowerConfig` says."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class DifferentialDrive:
-    """The drive of a car whose two sides of wheels turn it."""
+    """The drive of a car whose two sides, of wheels or of legs, turn it."""
 
     limits: TwistLimits
     response: TwistResponse
-    chassis: SkidChassis
+    chassis: SkidChassis | LeggedChassis
+    follower: TwistFollowerConfig = field(default_factory=TwistFollowerConfig)
+    """Gains with which it is driven along paths."""

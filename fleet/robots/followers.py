@@ -26,8 +26,9 @@ class Followers:
         self._twisted = []
         for number, kind in enumerate(models.kinds):
             if kind.differential is not None:
-                cars = np.flatnonzero(models.kind_of == number)
-                own = TwistFollower(kind.differential.limits, n_cars, tick_s, robots=cars)
+                cars = models.cars_of(number)
+                drive = kind.differential
+                own = TwistFollower(drive.limits, n_cars, tick_s, drive.follower, robots=cars)
                 self._twisted.append((cars, own))
         self._own: list[Follower | TwistFollower] = [self._steered] * n_cars
         for cars, own in self._twisted:

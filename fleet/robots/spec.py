@@ -27,6 +27,8 @@ class DriveKind(StrEnum):
     """Steering angle of the equivalent bicycle and speed of the rear axle; its front wheels steer."""
     DIFFERENTIAL = "differential"
     """Yaw rate and speed of the middle between its wheels; those of both sides turn at speeds of their own."""
+    LEGGED = "legged"
+    """The same of the middle between its feet; its legs step as that asks for."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -113,11 +115,12 @@ class CarSpec(CarLimits):
     name: str
     drive: DriveKind
     differential: DifferentialDrive | None = None
-    """The drive of a car that is told a yaw rate; None for one that steers."""
+    """The drive of a car that is told a yaw rate, on wheels or on legs; None for one that steers."""
     motors: CarMotors
     mass_kg: float
     """Without a load."""
     wheelbase_m: float
+    """From axle to axle, or from the hind to the front feet [m]."""
     track_m: float
     wheel_radius_m: float
     front_m: float

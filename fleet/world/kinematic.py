@@ -153,7 +153,7 @@ class UnlikeCars(_CarStates):
         self._twisted = []
         for number, kind in enumerate(models.kinds):
             if kind.differential is not None:
-                cars = np.flatnonzero(models.kind_of == number)
+                cars = models.cars_of(number)
                 self._twisted.append((cars, TwistMotion(kind.differential, start[cars], tick_s, substep_s)))
 
     def put(self, car: int, pose: FloatArray) -> None:

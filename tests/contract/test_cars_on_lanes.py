@@ -13,12 +13,15 @@ import pytest
 
 from fleet.config import ArmConfig, CarConfig, Fidelity, RunConfig
 from fleet.robots import CARS
+from fleet.robots.spec import DriveKind
 from fleet.run.events import Event
 from fleet.simulation import Simulation
 from maps.site import save_site
 from maps.warehouse import generate_warehouse
 
 pytestmark = pytest.mark.bullet
+CROSS_TRACK_M = {DriveKind.LEGGED: 0.06}
+"""How far cars may be off their lanes: 3 cm on wheels, more for bodies that sway as their legs step [m]."""
 PLACES = ["pick_1", "drop_2", "parking_1", "pick_2", "drop_1"]
 """Docks and a parking place; the way between them has straights and turns to both sides."""
 
@@ -74,7 +77,7 @@ def driven_in(folder: Path, name: str, fidelity: Fidelity) -> Round:
         orders=folder / "orders.json",
         fidelity=fidelity,
         seed=1,
-        duration_s=300.0,
+        duration_s=300.0 / min(1.0, CARS[name].spec().max_speed_mps),
         arms=ArmConfig(workers_n=0),
     )
     heard: list[Event] = []
@@ -110,7 +113,7 @@ def test_a_car_keeps_to_its_lanes_and_limits_and_stands_where_it_should(name: st
     done = driven(name, fidelity)
     assert len(done.off_m) == len(PLACES)
     assert max(done.off_m) <= 0.03
-    assert done.cross_track_m <= 0.03
+    assert done.cross_track_m <= CROSS_TRACK_M.get(CARS[name].spec().drive, 0.03)
     assert done.excess <= 1e-6
 
 

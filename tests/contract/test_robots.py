@@ -7,6 +7,7 @@ import pytest
 
 from fleet.robots import ARMS, CARS, TOOLS
 from fleet.robots.arms.spec import ArmSpec
+from fleet.robots.differential import LeggedChassis
 from fleet.robots.spec import HINGES, WHEELS
 from fleet.world.bullet.engine.client import Client
 
@@ -39,7 +40,11 @@ def test_a_car_loads_with_either_wheel(name: str, wheels: str) -> None:
     joints = {client.getJointInfo(body, joint)[1].decode() for joint in range(client.getNumJoints(body))}
     drive = CARS[name].spec().differential
     moved = {*(f"{wheel}_spin" for wheel in WHEELS), *HINGES}
-    assert joints >= (moved if drive is None else {f"{roller}_spin" for roller in drive.chassis.rollers})
+    if drive is not None:
+        chassis = drive.chassis
+        legs = isinstance(chassis, LeggedChassis)
+        moved = set(chassis.joints) if legs else {f"{roller}_spin" for roller in chassis.rollers}
+    assert joints >= moved
     mass = sum(client.getDynamicsInfo(body, link)[0] for link in range(-1, len(joints)))
     assert mass == pytest.approx(CARS[name].spec().mass_kg, abs=0.05)
     client.close()

@@ -16,6 +16,7 @@ CARS: dict[str, CarEntry] = _found(
     {
         "racecar": "fleet.robots.cars.racecar.ENTRY",
         "husky": "fleet.robots.cars.husky.ENTRY",
+        "a1": "fleet.robots.cars.a1.ENTRY",
     }
 )
 """All models of cars, by the names that `--cars` takes."""

@@ -90,6 +90,10 @@ class CarModels:
         """A number of every car's model, such as ``mass_kg``, shape (n_cars,)."""
         return np.array([getattr(kind, number) for kind in self.kinds], dtype=np.float64)[self.kind_of]
 
+    def cars_of(self, kind: int) -> IntArray:
+        """The cars of a model, ascending."""
+        return np.flatnonzero(self.kind_of == kind)
+
     def some(self, cars: IntArray) -> CarModels:
         """The models of some of the cars."""
         return CarModels(kinds=self.kinds, kind_of=self.kind_of[cars])

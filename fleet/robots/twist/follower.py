@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -11,47 +10,13 @@ from numba import njit
 
 from fleet.arrays import BoolArray, FloatArray, IntArray, SignArray
 from fleet.robots.angle import wrapped
-from fleet.robots.differential import TwistLimits
+from fleet.robots.differential import TwistFollowerConfig, TwistLimits
 from fleet.robots.pursuit import PathBuffer
 
 _SAME_PLACE_M2 = 1e-12
 """Points nearer than this, squared, are one place: the segment between them is a turn on the spot."""
 _SPEED_SLACK_MPS = 0.3
 """Commands run at most this far ahead of the measured speed, so that a blocked robot does not wind up [m/s]."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class TwistFollowerConfig:
-    """Gains of the follower."""
-
-    cross_per_m2: float = 16.0
-    """Curvature against a metre beside the path: errors die out over `1 / sqrt` of it, a quarter of a metre."""
-    heading_per_m: float = 8.0
-    """Curvature against a radian of heading error: twice the root of `cross_per_m2` damps without overshoot."""
-    lag_s: float = 0.05
-    """Delay between a yaw rate and the body's, by which the path's own curvature is taken ahead [s]."""
-    brake_fraction: float = 0.6
-    """Share of the braking, along the path and in turns, that planned stops use."""
-    approach_per_s: float = 4.0
-    """Speed per metre, and yaw rate per radian, left before a stop [1/s]."""
-    creep_mps: float = 0.02
-    """Least speed until the stop is reached [m/s]."""
-    stop_tolerance_m: float = 0.002
-    """A robot this close to its stop, or past it, stands."""
-    slow_mps: float = 0.06
-    """Below this speed a robot may be told to stand at its stop [m/s]."""
-    turn_tolerance_rad: float = 0.005
-    """A turn on the spot ends this close to its yaw, or past it."""
-    slow_radps: float = 0.05
-    """Least yaw rate in a turn on the spot until it is done [rad/s]."""
-    hold_per_s: float = 2.0
-    """Speed for each metre by which a robot that turns on the spot has left the spot, ahead or back [1/s]."""
-    hold_mps: float = 0.05
-    """That speed at most [m/s]."""
-    restart_m: float = 0.02
-    """A standing robot ignores a stop nearer than this [m], so that noise does not wake it."""
-    braked_restart_m: float = 0.2
-    """One that has its brake on ignores a stop nearer than this [m], as `FollowerConfig` says."""
 
 
 class _Gains(NamedTuple):

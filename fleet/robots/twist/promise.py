@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from fleet.robots.twist.follower import TwistFollowerConfig
+from fleet.robots.differential import TwistFollowerConfig
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,28 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-from fleet.robots.differential import SkidChassis, TwistLimits, TwistResponse
+from fleet.robots.differential import LeggedChassis, SkidChassis, TwistLimits, TwistResponse
 from fleet.robots.spec import Visual
-from fleet.robots.twist.trot import TrotConfig
 
 TwistDrive = Literal["differential", "legged"]
-
-
-@dataclass(frozen=True, kw_only=True)
-class LeggedChassis:
-    """How engines build and drive a robot on four legs."""
-
-    description: str
-    """URDF text; its base frame is above the reference point, at the height of the hips."""
-    joints: tuple[str, ...]
-    """Joints in the order of `Trot.joint_targets`."""
-    toe_m: float
-    """Radius of the feet."""
-    trot: TrotConfig
-    torque_nm: float
-    """Most torque of a joint."""
-    gains: tuple[float, float]
-    """Of the engine's position motors, for position and velocity."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
 from fleet.arrays import FloatArray
+from fleet.robots.differential import TrotConfig
 
 LEGS = ("FR", "FL", "RR", "RL")
 """Order of the legs; each has a roll joint at the hip, a pitch joint at the hip and a knee, in this order."""
@@ -19,31 +19,6 @@ _PHASES = np.array([0.0, 0.5, 0.5, 0.0])
 """Share of a cycle by which each leg is ahead: diagonal legs step together."""
 _DUTY = 0.5
 """Share of a cycle in which a foot is on the floor."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class TrotConfig:
-    """Sizes of the legs and numbers of the gait."""
-
-    link_m: float
-    """Length of the upper and of the lower leg [m]."""
-    hip_m: float
-    """From the axis about which a leg rolls out to the leg [m]."""
-    foot_x_m: float
-    """Feet stand so far ahead of the middle, and behind it [m]."""
-    foot_y_m: float
-    """And so far beside it [m]."""
-    height_m: float = 0.28
-    """Of the hips above the feet [m]."""
-    lift_m: float = 0.05
-    """How high a foot swings [m]."""
-    frequency_hz: float = 3.0
-    """Cycles per second."""
-    speed_gain: float = 1.045
-    """Steps bring so many times the speed for which they are as long as they should be: measured on the A1, whose body
-    goes on by itself between two steps."""
-    yaw_gain: float = 1.067
-    """The same of the yaw rate."""
 
 
 class _Gait(NamedTuple):
@@ -107,6 +82,11 @@ class Trot:
             config.yaw_gain,
         )
         self._targets = np.empty((n_robots, 12))
+
+    def stand(self, robot: int) -> None:
+        """Let a robot stand on four feet at once."""
+        self._gait.phase[robot], self._gait.idle[robot] = 0.0, np.inf
+        self._gait.feet[robot] = self._gait.left[robot] = 0.0
 
     def joint_targets(self, commands: FloatArray) -> FloatArray:
         """Go on by a step, and say where the joints should be.

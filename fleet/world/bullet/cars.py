@@ -6,7 +6,7 @@ import copy
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -14,13 +14,15 @@ from numba import njit
 from fleet.arrays import BoolArray, FloatArray, IntArray
 from fleet.robots.angle import rotation_into
 from fleet.robots.cars.models import CarModels
-from fleet.robots.differential import DifferentialDrive
+from fleet.robots.differential import LeggedChassis, SkidChassis, TwistLimits
 from fleet.robots.spec import HINGES, WHEELS, CarMotors
 from fleet.robots.twist.follower import shared
 from fleet.world.bullet.ackermann import Ackermann
 from fleet.world.bullet.engine import groups
 from fleet.world.bullet.engine.client import Client
 from fleet.world.bullet.engine.frames import quaternion, rotation, turned
+from fleet.world.bullet.vehicles.floor import load_on_floor
+from fleet.world.bullet.vehicles.legged import Legged
 
 # A brake that only holds zero wheel speed creeps (0.35 mm/s at 10 solver iterations: the contact solver has no static
 # friction), and one that holds the wheels' angle turns a car with steered wheels by a radian a minute. A standing car
@@ -48,16 +50,27 @@ class _Joints(NamedTuple):
     """Joints of a model, which are also the numbers of the links that they move."""
 
     wheels: list[int]
-    """In the order of `WHEELS`, or the left and the right roller of a car that does not steer."""
+    """In the order of `WHEELS`, or the left and the right roller of a car that does not steer; none of one on legs."""
     hinges: list[int]
     """In the order of `HINGES`; none of a car that does not steer."""
     leans: list[int]
     """Links that it leans on beside the wheels."""
+    legs: list[int]
+    """In the order of `LeggedChassis.joints`; none of a car on wheels."""
 
     @property
     def all(self) -> list[int]:
         """Those that move."""
-        return self.wheels + self.hinges
+        return self.wheels + self.hinges + self.legs
+
+
+class _Pack(NamedTuple):
+    """The cars of one model on legs."""
+
+    cars: IntArray
+    limits: TwistLimits
+    hip_z_m: float
+    legged: Legged
 
 
 class CarBodyMotion(NamedTuple):
@@ -95,6 +108,7 @@ class _Memory:
     parked: BoolArray
     parked_at: FloatArray
     aside: BoolArray
+    gaits: list[Any]
 
     def copy(self) -> _Memory:
         """A copy of its own."""
@@ -104,6 +118,7 @@ class _Memory:
             parked=self.parked.copy(),
             parked_at=self.parked_at.copy(),
             aside=self.aside.copy(),
+            gaits=self.gaits,
         )
 
 
@@ -116,6 +131,7 @@ class Cars:
         start: Poses x, y, yaw, shape (n, 3).
         urdfs: Text of each model's description.
         substep_s: Length of a physics step [s].
+        tick_s: Time between two commands [s].
         brakes: Standing cars are held where they are. Costs an eighth of a physics step, as the engine looks at all
             constraints, of moving cars too. Without it they creep (`BulletConfig.residual`).
         limit_share: Part of their limits that motors are given; see `BulletConfig`.
@@ -129,6 +145,7 @@ class Cars:
         urdfs: Sequence[str],
         substep_s: float,
         *,
+        tick_s: float = 1 / 60,
         brakes: bool = True,
         limit_share: float = 1.0,
     ) -> None:
@@ -159,11 +176,13 @@ class Cars:
         self._joints_of: dict[int, _Joints] = {}
         self._coms = np.zeros((len(models.kinds), 3))
         self._brakes: list[int] = []
+        self._packs: list[_Pack] = []
         self.models = models
         """Which model each car is."""
         for kind, body in zip(kinds, self.bodies, strict=True):
             self._equip(kind, body)
         self._know(models)
+        self._packs = self._packs_of(models, tick_s)
 
     def _know(self, models: CarModels) -> None:
         """Keep what the models say of each car."""
@@ -176,13 +195,7 @@ class Cars:
 
     def _load(self, kind: int, pose: FloatArray) -> int:
         """Load a car of a kind, on the floor at a pose x, y, yaw, shape (3,); returns its body."""
-        x, y, yaw = (float(number) for number in pose)
-        return self._client.load_urdf(
-            self._urdfs[kind],
-            basePosition=(x, y, 0.0),
-            baseOrientation=quaternion(yaw),
-            flags=self._client.URDF_USE_INERTIA_FROM_FILE,
-        )
+        return load_on_floor(self._client, self._urdfs[kind], pose)
 
     def _equip(self, kind: int, body: int) -> None:
         """Say what a car's wheels touch, and give it a brake."""
@@ -210,12 +223,32 @@ class Cars:
         infos = [client.getJointInfo(body, joint) for joint in range(client.getNumJoints(body))]
         names = {info[1].decode(): joint for joint, info in enumerate(infos)}
         if model.differential is None:
-            return _Joints([names[f"{wheel}_spin"] for wheel in WHEELS], [names[hinge] for hinge in HINGES], [])
+            return _Joints([names[f"{wheel}_spin"] for wheel in WHEELS], [names[hinge] for hinge in HINGES], [], [])
         links = {info[12].decode(): joint for joint, info in enumerate(infos)}
         chassis = model.differential.chassis
-        return _Joints(
-            [names[f"{roller}_spin"] for roller in chassis.rollers], [], [links[name] for name in chassis.supports]
-        )
+        if isinstance(chassis, LeggedChassis):
+            return _Joints([], [], [], [names[name] for name in chassis.joints])
+        rollers = [names[f"{roller}_spin"] for roller in chassis.rollers]
+        return _Joints(rollers, [], [links[name] for name in chassis.supports], [])
+
+    def _packs_of(self, models: CarModels, tick_s: float) -> list[_Pack]:
+        """Let the cars on legs stand up, and give each model's the gait that they walk by."""
+        packs = []
+        for number, kind in enumerate(models.kinds):
+            if kind.differential is None or not isinstance(kind.differential.chassis, LeggedChassis):
+                continue
+            drive, chassis, cars = kind.differential, kind.differential.chassis, models.cars_of(number)
+            bodies = [self.bodies[car] for car in cars.tolist()]
+            # Sensors in a gait have errors of their own, the same in every world: nothing in a world is drawn by lot.
+            rng = np.random.default_rng(number)
+            legged = Legged(self._client, chassis, bodies, self._substep_s, tick_s, rng)
+            packs.append(_Pack(cars=cars, limits=drive.limits, hip_z_m=chassis.hip_z_m, legged=legged))
+        return packs
+
+    def links(self) -> list[tuple[int, int]]:
+        """Bodies and links that touch other things than the floor; -1 is a base."""
+        legs = [(body, link) for pack in self._packs for body in pack.legged.bodies for link in pack.legged.links]
+        return [(body, -1) for body in self.bodies] + legs
 
     def drive(self, commands: FloatArray) -> None:
         """Set the motors; a command equal to the last one costs nothing.
@@ -229,6 +262,9 @@ class Cars:
         """
         if self._brakes:
             self._brake(commands)
+        for pack in self._packs:
+            yaw_rates, speeds = np.clip(commands[pack.cars], -self._limit[pack.cars], self._limit[pack.cars]).T.copy()
+            pack.legged.drive(_within(pack.limits, yaw_rates, speeds))
         n_changed = _take(commands, self._limit, self._sent, self._unset, self._changed, self._fresh)
         if n_changed == 0:
             return
@@ -239,13 +275,15 @@ class Cars:
         velocity, position = client.VELOCITY_CONTROL, client.POSITION_CONTROL
         changed = self._changed[:n_changed].tolist()
         for number, model in enumerate(kinds):
-            if model.differential is not None:
+            if (drive := model.differential) is not None and isinstance(drive.chassis, SkidChassis):
                 own_rows = np.flatnonzero(self.models.kind_of[self._changed[:n_changed]] == number)
-                spins[own_rows, :2] = _sides(model.differential, steering[own_rows], speeds[own_rows])
+                spins[own_rows, :2] = _sides(drive.limits, drive.chassis, steering[own_rows], speeds[own_rows])
         rows = zip(changed, speeds.tolist(), spins.tolist(), angles.tolist(), strict=True)
         for car, speed, spin, (left_rad, right_rad) in rows:
             kind = self._kinds[car]
             body, own, joints = self.bodies[car], self._motors[kind], self._joints_of[kind]
+            if not joints.wheels:
+                continue  # legs are told above, in every tick
             torque, n_wheels = own.brake_nm if speed == 0.0 else own.drive_nm, len(joints.wheels)
             motors(body, joints.wheels, velocity, targetVelocities=spin[:n_wheels], forces=[torque] * n_wheels)
             if not joints.hinges:
@@ -269,8 +307,10 @@ class Cars:
         if self._parked[car]:
             self._release(np.array([car]))
 
-    def shove(self) -> None:
-        """Give every pushed car its velocity for the coming physics step."""
+    def before_step(self) -> None:
+        """Move legs on, and give every pushed car its velocity for the coming physics step."""
+        for pack in self._packs:
+            pack.legged.before_step()
         for car, push in list(self._pushes.items()):
             push.step += 1
             share = (1.0 - math.cos(math.pi * push.step / push.steps)) / 2
@@ -319,6 +359,10 @@ class Cars:
             own = self.models.kind_of[present] == kind
             offsets[own] = turns[own] @ com
         top_speed = _read(states, offsets, turns, yaws, poses, speeds, frames)
+        for pack in self._packs:
+            # Where a car on legs is, its hips tell: the floor point below it leans along with every step.
+            own = np.isin(present, pack.cars)
+            poses[own, :2] += pack.hip_z_m * turns[own, :2, 2]
         steering = self._ackermann.bicycles(present, angles)
         if not self._steers.all():
             steering = np.where(self._steers[present], steering, angles[:, 0])
@@ -461,6 +505,9 @@ class Cars:
             client.resetJointState(body, joint, client.getJointState(body, joint)[0], 0.0)
         for joint in joints.hinges:
             client.resetJointState(body, joint, 0.0, 0.0)
+        for pack in self._packs:
+            if car in pack.cars:
+                pack.legged.put(int(np.searchsorted(pack.cars, car)), then)
 
     def note_ride(self) -> None:
         """Remember how high the first car stands on its wheels, and how it leans, for `enter`; it must stand."""
@@ -546,6 +593,7 @@ class Cars:
             parked=self._parked,
             parked_at=self._parked_at,
             aside=self._aside,
+            gaits=[pack.legged.memory() for pack in self._packs],
         )
         return memory.copy()
 
@@ -554,6 +602,8 @@ class Cars:
         memory = memory.copy()
         self._sent, self._pushes = memory.sent, memory.pushes
         self._parked, self._parked_at = memory.parked, memory.parked_at
+        for pack, gait in zip(self._packs, memory.gaits, strict=True):
+            pack.legged.recall(gait)
         if (memory.aside | self._aside).any():
             # The engine's snapshots do not hold who sleeps.
             self._aside = memory.aside
@@ -567,6 +617,8 @@ class Cars:
         """Park the cars that stand and are told to, and let go of those that are not, or that were shoved away."""
         standing = (self._sent[:, 1] == 0.0) & (commands[:, 1] == 0.0) & ~self._aside
         standing &= self._steers | (commands[:, 0] == 0.0)  # a car that turns on the spot does not stand
+        for pack in self._packs:
+            standing[pack.cars] = False  # feet stand by themselves
         if self._parked.any():
             self._release(np.flatnonzero(self._parked & (~standing | self._slipped())))
         if standing.any():
@@ -613,12 +665,15 @@ def _limited(motors: CarMotors, share: float) -> CarMotors:
     return replace(motors, **torques)
 
 
-def _sides(drive: DifferentialDrive, yaw_rates: FloatArray, speeds: FloatArray) -> FloatArray:
-    """Speeds of the left and the right roller for commands, within what rims can do [rad/s], shape (n, 2)."""
-    limits, chassis = drive.limits, drive.chassis
+def _within(limits: TwistLimits, yaw_rates: FloatArray, speeds: FloatArray) -> FloatArray:
+    """Speeds and yaw rates of commands, within what rims or feet can do, shape (n, 2)."""
     share = _shares(speeds, yaw_rates, limits.max_yaw_rate_radps, limits.max_rim_mps, limits.lever_m)
-    rims = chassis.skid.rims(np.stack((share * speeds, share * yaw_rates), axis=1))
-    return chassis.skid.contacts(rims) / chassis.radius_m
+    return np.stack((share * speeds, share * yaw_rates), axis=1)
+
+
+def _sides(limits: TwistLimits, chassis: SkidChassis, yaw_rates: FloatArray, speeds: FloatArray) -> FloatArray:
+    """Speeds of the left and the right roller for commands [rad/s], shape (n, 2)."""
+    return chassis.skid.contacts(chassis.skid.rims(_within(limits, yaw_rates, speeds))) / chassis.radius_m
 
 
 @njit(cache=True)

@@ -118,6 +118,7 @@ class BulletWorld:
                     scene.car_start,
                     urdfs if config.visuals else [without_visuals(urdf) for urdf in urdfs],
                     call_s,
+                    tick_s=config.tick_s,
                     brakes=not at_once,
                     limit_share=config.limit_share,
                 )
@@ -177,7 +178,7 @@ class BulletWorld:
         for call in range(self._n_calls):
             self._arms.hold(call)
             self._grip.before_step()
-            self._cars.shove()
+            self._cars.before_step()
             self._client.stepSimulation()
             self._parcels.moved()
             held = [(arm, parcels.body(parcel)) for arm, parcel in enumerate(self._grip.held) if parcel >= 0]
@@ -516,7 +517,7 @@ class BulletWorld:
         """Let the engine look for bodies that touch, or forget all that it knows of any."""
         filtered, floor = self._client.setCollisionFilterGroupMask, self._monitor.floor
         # Wheels touch nothing but the floor.
-        moving = self._arm_links + [(car, -1) for car in self._cars.bodies]
+        moving = self._arm_links + self._cars.links()
         moving += [(self._parcels.body(parcel), -1) for parcel in self._parcels.ids()]
         group, mask = (groups.MOVING, groups.ALL) if on else (0, 0)
         # The floor touches everything: without it the engine has few pairs to go through.

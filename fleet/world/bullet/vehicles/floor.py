@@ -10,7 +10,7 @@ from fleet.arrays import FloatArray
 from fleet.world.bullet.engine import groups
 from fleet.world.bullet.engine.client import Client
 from fleet.world.bullet.engine.config import BulletConfig
-from fleet.world.bullet.engine.frames import rotation
+from fleet.world.bullet.engine.frames import quaternion, rotation
 from fleet.world.bullet.fixed import FLOOR_FRICTION
 
 GRAVITY_MPS2 = 9.81
@@ -78,6 +78,17 @@ class BareFloor:
     def close(self) -> None:
         """End the connection."""
         self.client.close()
+
+
+def load_on_floor(client: Client, description: str, pose: FloatArray) -> int:
+    """Load a vehicle whose base frame is on the floor, at a pose x, y, yaw, shape (3,); returns its body."""
+    x, y, yaw = (float(number) for number in pose)
+    return client.load_urdf(
+        description,
+        basePosition=(x, y, 0.0),
+        baseOrientation=quaternion(yaw),
+        flags=client.URDF_USE_INERTIA_FROM_FILE,
+    )
 
 
 def planar(client: Client, body: int, com: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

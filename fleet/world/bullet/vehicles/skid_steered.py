@@ -8,8 +8,7 @@ from fleet.arrays import FloatArray
 from fleet.robots.differential import SkidChassis
 from fleet.world.bullet.engine import groups
 from fleet.world.bullet.engine.client import Client
-from fleet.world.bullet.engine.frames import quaternion
-from fleet.world.bullet.vehicles.floor import planar
+from fleet.world.bullet.vehicles.floor import load_on_floor, planar
 
 
 class SkidSteered:
@@ -26,13 +25,7 @@ class SkidSteered:
         self.bodies: list[int] = []
         self._sent = np.full((len(start), 2), np.nan)
         for pose in start:
-            x, y, yaw = (float(number) for number in pose)
-            body = client.load_urdf(
-                chassis.description,
-                basePosition=(x, y, 0.0),
-                baseOrientation=quaternion(yaw),
-                flags=client.URDF_USE_INERTIA_FROM_FILE,
-            )
+            body = load_on_floor(client, chassis.description, pose)
             self.bodies.append(body)
             names = {client.getJointInfo(body, j)[1].decode(): j for j in range(client.getNumJoints(body))}
             self._rollers = [names[f"{roller}_spin"] for roller in chassis.rollers]
