@@ -8,7 +8,7 @@ import queue
 import subprocess
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -44,10 +44,15 @@ class Process:
             for line in self._process.stdout:
                 self._lines.put(line.rstrip("\n"))
 
-    def line(self, begin: str, most_s: float = PATIENCE_S) -> str:
-        """Wait for a line that begins so; returns the rest of it."""
-        until = time.monotonic() + most_s
-        while time.monotonic() < until:
+    def line(self, begin: str, runs: Callable[[], bool] | None = None) -> str:
+        """Wait for a line that begins so; returns the rest of it.
+
+        Args:
+            begin: What it begins with.
+            runs: Whether what it talks to still runs, which then bounds the wait; None = two minutes do.
+        """
+        until = time.monotonic() + PATIENCE_S
+        while runs() if runs is not None else time.monotonic() < until:
             try:
                 self.said.append(self._lines.get(timeout=0.5))
             except queue.Empty:

@@ -8,37 +8,51 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from tests.interop.table import REPOSITORY
 
-END_S = 300.0
-"""How long a run may take to end when it is interrupted [s]."""
+MOST_S = 7200
+"""Simulated time after which a run ends [s]. No wait goes by the wall clock: a slow machine is no fault."""
+
+
+@dataclass(kw_only=True)
+class Hall:
+    """A warehouse that obeys."""
+
+    process: subprocess.Popen[str]
+    result: dict[str, Any] = field(default_factory=dict)
+    """Of its run, when it has ended."""
+
+    def runs(self) -> bool:
+        """Whether its simulated time is not over."""
+        return self.process.poll() is None
 
 
 @contextmanager
-def serving(url: str, folder: Path, *words: str) -> Iterator[dict[str, Any]]:
-    """A warehouse that obeys; yields a dict that has the result of its run when it has ended."""
-    told: dict[str, Any] = {}
-    words = ("serve", "--vda5050", url, "--duration", "36000", "--out", str(folder), "--check", *words)
+def serving(url: str, folder: Path, *words: str) -> Iterator[Hall]:
+    """A warehouse that obeys, for some simulated hours at most."""
+    words = ("serve", "--vda5050", url, "--duration", str(MOST_S), "--out", str(folder), "--check", *words)
     program = [sys.executable, "-m", "fleet", *words]
     with subprocess.Popen(program, cwd=REPOSITORY, stdout=subprocess.PIPE, text=True) as fleet:
         assert fleet.stdout is not None
+        hall = Hall(process=fleet)
         try:
             assert "cars speak VDA 5050" in fleet.stdout.readline()
-            yield told
+            yield hall
         finally:
             fleet.send_signal(signal.SIGINT)
-            fleet.communicate(timeout=END_S)
-    told |= json.loads((folder / "result.json").read_text(encoding="utf-8"))
+            fleet.communicate()
+    hall.result |= json.loads((folder / "result.json").read_text(encoding="utf-8"))
 
 
-def driven(url: str, folder: Path, *words: str, most_s: float) -> dict[str, Any]:
+def driven(url: str, folder: Path, *words: str) -> dict[str, Any]:
     """Let our master drive vehicles until its orders are done; returns the result of its run."""
-    words = ("drive", "--vda5050", url, "--out", str(folder), *words)
+    words = ("drive", "--vda5050", url, "--duration", str(MOST_S), "--out", str(folder), *words)
     program = [sys.executable, "-m", "fleet", *words]
-    done = subprocess.run(program, cwd=REPOSITORY, capture_output=True, text=True, timeout=most_s, check=False)
+    done = subprocess.run(program, cwd=REPOSITORY, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
     result: dict[str, Any] = json.loads((folder / "result.json").read_text(encoding="utf-8"))
     return result
