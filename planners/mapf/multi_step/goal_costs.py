@@ -31,7 +31,7 @@ class GoalCosts:
     That takes an eighth of the memory and of the time.
 
     Args:
-        rotating: Lane graph that the robots move on.
+        rotating: Lane graph that the robots move on; where they have no heading, `pebble` itself.
         pebble: The same floor without headings.
         move_cost: Cost of each move of `rotating`, shape (n_moves,); None = 1 each.
         memory_cap: Memory for a large floor's table [bytes].
@@ -139,7 +139,8 @@ class GoalCosts:
             direct: IntArray = self._table[rows, self._pebble.state_index[cells, 0]].astype(np.int32)
             return COARSE_UNIT * direct
         states = self._rotating.state_index[cells]
-        least: IntArray = self._table[rows[:, None], states].min(axis=1).astype(np.int32)
+        in_heading = np.where(states >= 0, self._table[rows[:, None], states], np.uint16(UNREACHABLE))
+        least: IntArray = in_heading.min(axis=1).astype(np.int32)
         return least
 
 
@@ -179,6 +180,7 @@ def _look_ahead(rotating: LaneGraph, pebble: LaneGraph, drives: npt.NDArray[np.i
         ahead = COARSE_UNIT * cost + turn * min(turned, 4 - turned)
         found.append(np.column_stack((state, pebble.state_index[rotating.state_cell[target], 0], ahead)))
     rows = np.concatenate(found)
+    rows = rows[rows[:, 0] >= 0]  # who has no heading has one state in a cell
     rows = rows[np.argsort(rows[:, 0], kind="stable")]
     ptr = np.concatenate(([0], np.cumsum(np.bincount(rows[:, 0], minlength=rotating.n_states))))
     return Look(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import heapq
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -85,16 +86,27 @@ def test_a_cell_without_a_way_is_far_and_no_cell_is_near() -> None:
     assert left(costs.costs, states, rows).tolist() == [UNREACHABLE, 0]
 
 
-def test_the_cost_between_cells_is_that_of_the_best_heading() -> None:
-    rotating, pebble = both_graphs(FLOOR)
-    costs = GoalCosts(rotating, pebble)
+@pytest.mark.parametrize("motion", ["rotating", "pebble"])
+def test_the_cost_between_cells_is_that_of_the_best_heading(motion: Literal["rotating", "pebble"]) -> None:
+    graph, pebble = grid_lane_graph(FLOOR, motion), grid_lane_graph(FLOOR, "pebble")
+    costs = GoalCosts(graph, pebble)
     cells = free_cells(FLOOR)
     for cell in cells.tolist():
-        to_cell = by_hand(rotating, cell, np.ones(rotating.n_moves, dtype=np.int32))
+        to_cell = by_hand(graph, cell, np.ones(graph.n_moves, dtype=np.int32))
         rows = costs.rows(np.full(len(cells), cell, dtype=np.int32))
         assert costs.between(rows, cells).tolist() == [
-            min(to_cell[state] for state in rotating.state_index[other]) for other in cells
+            min(to_cell[state] for state in graph.state_index[other] if state >= 0) for other in cells
         ]
+
+
+@pytest.mark.usefixtures("coarse")
+def test_coarse_costs_of_robots_without_headings_are_exact() -> None:
+    pebble = grid_lane_graph(FLOOR, "pebble")
+    costs = GoalCosts(pebble, pebble)
+    for cell in free_cells(FLOOR).tolist():
+        away = pebble.state_cell != cell  # costs of a large floor begin with a drive
+        exact = np.array(by_hand(pebble, cell, np.full(pebble.n_moves, COARSE_UNIT, dtype=np.int32)))
+        assert (np.array(costs_to(costs, pebble, cell))[away] == np.minimum(exact, UNREACHABLE)[away]).all()
 
 
 def coarse_costs(rotating: LaneGraph) -> IntArray:
