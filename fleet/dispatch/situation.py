@@ -176,9 +176,9 @@ def _when_free(
         drops = [stations.named(task.delivery.drop).arm for task in aboard]
         while drops and np.isfinite(free_s[car]):
             at = int(state[car])
-            drop = min(drops, key=lambda arm: (ways.between(at, int(stations.dock_states[arm])), arm))
-            drops.remove(drop)
-            state[car] = stations.dock_states[drop]
+            nearest = min(drops, key=lambda arm: (ways.between(at, int(stations.dock_states[arm])), arm))
+            drops.remove(nearest)
+            state[car] = stations.dock_states[nearest]
             n_moves = ways.between(at, int(state[car]))
-            free_s[car] += n_moves * STEP_S + mean_s[drop] if n_moves < UNREACHABLE else np.inf
+            free_s[car] += n_moves * STEP_S + mean_s[nearest] if n_moves < UNREACHABLE else np.inf
     return state, free_s
