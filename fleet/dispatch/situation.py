@@ -173,12 +173,11 @@ def _when_free(
     state[cars] = stations.dock_states[drop]
     free_s[cars] = np.where(moves < UNREACHABLE, moves * STEP_S + at_docks_s, np.inf)
     for car, aboard in enumerate(missions.aboard):
-        drops = [stations.named(task.delivery.drop).arm for task in aboard]
-        while drops and np.isfinite(free_s[car]):
-            at = int(state[car])
-            nearest = min(drops, key=lambda arm: (ways.between(at, int(stations.dock_states[arm])), arm))
-            drops.remove(nearest)
-            state[car] = stations.dock_states[nearest]
-            n_moves = ways.between(at, int(state[car]))
-            free_s[car] += n_moves * STEP_S + mean_s[nearest] if n_moves < UNREACHABLE else np.inf
+        arms = [stations.named(task.delivery.drop).arm for task in aboard]
+        while arms and np.isfinite(free_s[car]):
+            moves_to = {arm: ways.between(int(state[car]), int(stations.dock_states[arm])) for arm in sorted(arms)}
+            arm = min(moves_to, key=lambda arm: moves_to[arm])
+            arms.remove(arm)
+            state[car] = stations.dock_states[arm]
+            free_s[car] += moves_to[arm] * STEP_S + mean_s[arm] if moves_to[arm] < UNREACHABLE else np.inf
     return state, free_s

@@ -44,8 +44,9 @@ def _require_ways(site: Site, graph: LaneGraph, kind: CarSpec) -> None:
         states = graph.states_of_cell(cell)
         if not (part_of[states] == largest).any():
             length_m, width_m = kind.front_m + kind.rear_m, 2 * kind.half_width_m
+            turns = f"in {kind.footprint.turn_radius_m:.2f} m" if kind.steers else "on the spot"
             raise ConfigError(
-                f"model {kind.name}: its body of {length_m:.2f} x {width_m:.2f} m, which turns in "
-                f"{kind.footprint.turn_radius_m:.2f} m, fits no lane to {name} of site {site.name}; "
+                f"model {kind.name}: its body of {length_m:.2f} x {width_m:.2f} m, which turns {turns}, "
+                f"fits no lane to {name} of site {site.name}; "
                 "valid: a model that does, or a site with wider lanes"
             )

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, fields
 
 import numpy as np
 
-from planners.allocation.arrays import FloatArray, IntArray
+from planners.allocation.arrays import FloatArray, Int64Array, IntArray
 from planners.errors import PlanningError
 
 NO_STATION = -1
@@ -115,7 +115,7 @@ class Shop:
             n += 1
         return n
 
-    def tours(self, order: IntArray, vehicle: IntArray) -> Iterator[tuple[int, list[int]]]:
+    def tours(self, order: Int64Array, vehicle: Int64Array) -> Iterator[tuple[int, list[int]]]:
         """Vehicles and the jobs that each does together, one or more, as they come in a plan.
 
         Args:

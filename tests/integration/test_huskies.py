@@ -87,7 +87,10 @@ def test_a_husky_that_was_pushed_comes_back_to_its_lane(wide: str, fidelity: Fid
 
 def test_lanes_of_a_metre_are_too_narrow_for_a_husky() -> None:
     config = RunConfig(robots=2, cars={"car_1": HUSKY}, fidelity=Fidelity.KINEMATIC)
-    with pytest.raises(ConfigError, match=r"model husky: its body of 0.99 x 0.69 m.* fits no lane to .*; valid: "):
+    with pytest.raises(
+        ConfigError,
+        match=r"model husky: its body of 0.99 x 0.69 m, which turns on the spot, fits no lane to .*; valid: ",
+    ):
         RunSetup.of(config)
 
 

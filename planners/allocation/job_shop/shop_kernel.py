@@ -156,7 +156,8 @@ def _served(shop: Arrays, schedule: PartialSchedule, service: Int, now_s: Number
         schedule.begin_s[m, i] = now_s
         schedule.end_s[m, i] = now_s + service_s
         schedule.n_services[m] = n + 1
-    return now_s + service_s
+    end_s: Number = now_s + service_s
+    return end_s
 
 
 @njit(**_OPTIONS)
@@ -166,11 +167,11 @@ def _job_end(shop: Arrays, schedule: PartialSchedule, job: Int, vehicle: Int, bo
     now_s = max(now_s, shop.release_s[job])
     for service in range(shop.first_service[job], shop.first_service[job + 1]):
         now_s = _served(shop, schedule, service, now_s + shop.lead_s[service], book)
-    now_s += shop.tail_s[job]
-    if book and now_s < np.inf:
+    end_s: Number = now_s + shop.tail_s[job]
+    if book and end_s < np.inf:
         schedule.at[vehicle] = shop.last_place[job]
-        schedule.ready_s[vehicle] = now_s
-    return now_s
+        schedule.ready_s[vehicle] = end_s
+    return end_s
 
 
 @njit(**_OPTIONS)
@@ -183,7 +184,8 @@ def _likely_end(shop: Arrays, schedule: PartialSchedule, job: Int, vehicle: Int,
     if most == 1 or place < 0:
         if book:
             schedule.loads_at[vehicle] = -1
-        return _job_end(shop, schedule, job, vehicle, book)
+        alone_s: Number = _job_end(shop, schedule, job, vehicle, book)
+        return alone_s
     joins = schedule.loads_at[vehicle] == place and schedule.n_loads[vehicle] < most
     begin_s: Number = schedule.loaded_s[vehicle]
     if not joins:
@@ -195,12 +197,12 @@ def _likely_end(shop: Arrays, schedule: PartialSchedule, job: Int, vehicle: Int,
     if joins:
         now_s = schedule.ready_s[vehicle] + loaded_s - schedule.loaded_s[vehicle]
         now_s += shop.travel_s[schedule.at[vehicle], shop.last_place[job]]
-    now_s = _served(shop, schedule, second, now_s, book)
-    if book and now_s < np.inf:
-        schedule.at[vehicle], schedule.ready_s[vehicle] = shop.last_place[job], now_s
+    end_s: Number = _served(shop, schedule, second, now_s, book)
+    if book and end_s < np.inf:
+        schedule.at[vehicle], schedule.ready_s[vehicle] = shop.last_place[job], end_s
         schedule.loads_at[vehicle], schedule.loaded_s[vehicle] = place, loaded_s
         schedule.n_loads[vehicle] = schedule.n_loads[vehicle] + 1 if joins else 1
-    return now_s
+    return end_s
 
 
 @njit(**_OPTIONS)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from pathlib import Path
 
-from benchmarks.robots.mixed import ALIKE, FLEET, HEAVY_KG, N_ORDERS, RELEASED_S, Case, config_of, floor, write_orders
+from benchmarks.robots.mixed import ALIKE, EVERY_S, FLEET, HEAVY_KG, N_ORDERS, Case, config_of, floor, write_orders
 from benchmarks.robots.stations import HEAVIEST_KG
 from benchmarks.robots.stations import write_orders as write_light
 from fleet.robots import CARS
@@ -25,7 +25,7 @@ def test_every_third_order_is_too_heavy_for_a_racecar(tmp_path: Path) -> None:
     assert len(heavy) == N_ORDERS // 3
     light_kg = max(order.mass_kg for order in orders if order.name not in heavy)
     assert light_kg < CARS["racecar"].spec().max_payload_kg < HEAVY_KG
-    assert max(order.release_s for order in orders) < RELEASED_S
+    assert [order.release_s for order in orders] == [EVERY_S * k for k in range(N_ORDERS)]
 
 
 def test_both_fleets_have_the_same_light_orders_and_are_as_large(tmp_path: Path) -> None:
