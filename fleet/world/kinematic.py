@@ -147,13 +147,20 @@ class UnlikeCars(_CarStates):
         self, models: CarModels, start: FloatArray, tick_s: float, substep_s: float, grip_mps2: float = math.inf
     ) -> None:
         super().__init__(start)
-        steers = np.flatnonzero(models.each("turn_base_m") > 0.0)
+        self._steers = models.each("turn_base_m") > 0.0
+        steers = np.flatnonzero(self._steers)
         self._steered = steers, BicycleCars(models.some(steers), start[steers], tick_s, substep_s, grip_mps2)
         self._twisted = []
         for number, kind in enumerate(models.kinds):
             if kind.differential is not None:
                 cars = models.cars_of(number)
                 self._twisted.append((cars, TwistMotion(kind.differential, start[cars], tick_s, substep_s)))
+
+    def put(self, car: int, pose: FloatArray) -> None:
+        """See `CarMotion`; wheels stay as they are steered, but a car that does not steer no longer turns."""
+        super().put(car, pose)
+        if not self._steers[car]:
+            self.steering[car] = 0.0
 
     def step(self, commands: FloatArray) -> None:
         """See `CarMotion`; a car that does not steer is told a yaw rate [rad/s] and a speed."""

@@ -263,8 +263,8 @@ class Cars:
         if self._brakes:
             self._brake(commands)
         for pack in self._packs:
-            limited = np.clip(commands[pack.cars], -self._limit[pack.cars], self._limit[pack.cars]).tolist()
-            pack.legged.drive(np.array([_within(pack.limits, turn, speed) for turn, speed in limited]))
+            turns, speeds = np.clip(commands[pack.cars], -self._limit[pack.cars], self._limit[pack.cars]).T
+            pack.legged.drive(_within(pack.limits, turns, speeds))
         n_changed = _take(commands, self._limit, self._sent, self._unset, self._changed, self._fresh)
         if n_changed == 0:
             return
@@ -274,19 +274,22 @@ class Cars:
         motor, motors = client.setJointMotorControl2, client.setJointMotorControlArray
         velocity, position = client.VELOCITY_CONTROL, client.POSITION_CONTROL
         changed = self._changed[:n_changed].tolist()
-        rows = zip(changed, steering.tolist(), speeds.tolist(), spins.tolist(), angles.tolist(), strict=True)
-        for car, turn, speed, spin, (left_rad, right_rad) in rows:
+        for number, model in enumerate(kinds):
+            drive = model.differential
+            if drive is not None and isinstance(drive.chassis, SkidChassis):
+                own_rows = np.flatnonzero(self.models.kind_of[self._changed[:n_changed]] == number)
+                spins[own_rows, :2] = _sides(drive.limits, drive.chassis, steering[own_rows], speeds[own_rows])
+        rows = zip(changed, speeds.tolist(), spins.tolist(), angles.tolist(), strict=True)
+        for car, speed, spin, (left_rad, right_rad) in rows:
             kind = self._kinds[car]
             body, own, joints = self.bodies[car], self._motors[kind], self._joints_of[kind]
-            torque = own.brake_nm if speed == 0.0 else own.drive_nm
-            if (drive := kinds[kind].differential) is not None:
-                if isinstance(drive.chassis, LeggedChassis):
-                    continue  # told above, in every tick
-                sides = _sides(drive.limits, drive.chassis, turn, speed)
-                motors(body, joints.wheels, velocity, targetVelocities=sides, forces=[torque] * len(joints.wheels))
+            if joints.legs:
+                continue  # told above, in every tick
+            torque, n_wheels = own.brake_nm if speed == 0.0 else own.drive_nm, len(joints.wheels)
+            motors(body, joints.wheels, velocity, targetVelocities=spin[:n_wheels], forces=[torque] * n_wheels)
+            if not joints.hinges:
                 continue
             rate, (left, right) = kinds[kind].max_steering_rate_radps, joints.hinges
-            motors(body, joints.wheels, velocity, targetVelocities=spin, forces=[torque] * len(WHEELS))
             motor(body, left, position, left_rad, 0.0, own.steer_nm, own.steer_gain, 1.0, rate)
             motor(body, right, position, right_rad, 0.0, own.steer_nm, own.steer_gain, 1.0, rate)
 
@@ -663,17 +666,24 @@ def _limited(motors: CarMotors, share: float) -> CarMotors:
     return replace(motors, **torques)
 
 
-def _within(limits: TwistLimits, yaw_rate: float, speed: float) -> tuple[float, float]:
-    """Speed and yaw rate of a command, within what rims or feet can do."""
-    share = shared(speed, yaw_rate, limits.max_yaw_rate_radps, limits.max_rim_mps, limits.lever_m)
-    return share * speed, share * yaw_rate
+def _within(limits: TwistLimits, yaw_rates: FloatArray, speeds: FloatArray) -> FloatArray:
+    """Speeds and yaw rates of commands, within what rims or feet can do, shape (n, 2)."""
+    share = _shares(speeds, yaw_rates, limits.max_yaw_rate_radps, limits.max_rim_mps, limits.lever_m)
+    return np.stack((share * speeds, share * yaw_rates), axis=1)
 
 
-def _sides(limits: TwistLimits, chassis: SkidChassis, yaw_rate: float, speed: float) -> list[float]:
-    """Speeds of the left and the right roller for a command [rad/s]."""
-    rims = chassis.skid.rims(np.array([_within(limits, yaw_rate, speed)]))
-    sides: list[float] = (chassis.skid.contacts(rims)[0] / chassis.radius_m).tolist()
-    return sides
+def _sides(limits: TwistLimits, chassis: SkidChassis, yaw_rates: FloatArray, speeds: FloatArray) -> FloatArray:
+    """Speeds of the left and the right roller for commands [rad/s], shape (n, 2)."""
+    return chassis.skid.contacts(chassis.skid.rims(_within(limits, yaw_rates, speeds))) / chassis.radius_m
+
+
+@njit(cache=True)
+def _shares(speeds: FloatArray, yaw_rates: FloatArray, max_yaw_rate: float, max_rim: float, lever: float) -> FloatArray:
+    """`shared` of each command, shape (n,)."""
+    shares = np.empty(len(speeds))
+    for k in range(len(speeds)):
+        shares[k] = shared(speeds[k], yaw_rates[k], max_yaw_rate, max_rim, lever)
+    return shares
 
 
 def _split(numbers: list[float], length: int) -> list[list[float]]:

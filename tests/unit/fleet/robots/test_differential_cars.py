@@ -90,3 +90,17 @@ def test_a_fleet_has_as_many_kinds_of_trays_as_its_models_do() -> None:
     assert [hull.name for hull in BOTH.hulls] == ["racecar", "husky"]
     assert BOTH.tray_of.tolist() == [0, 1, 0]
     assert len(CarModels.named(("racecar", "racecar")).hulls) == 1
+
+
+def test_a_husky_that_is_put_somewhere_stands_and_front_wheels_stay_as_they_are() -> None:
+    cars = UnlikeCars(BOTH, np.zeros((3, 3)), TICK_S, 1 / 80)
+    for _ in range(20):
+        cars.step(np.array([[0.4, 0.5], [0.8, 0.3], [0.0, 0.0]]))
+    assert cars.steering[0] == pytest.approx(0.4)
+    assert cars.steering[1] == pytest.approx(0.8, abs=0.05)
+    for car in (0, 1):
+        cars.put(car, np.array([2.0, 3.0, 0.5]))
+    assert cars.steering[0] == pytest.approx(0.4)
+    assert cars.steering[1] == cars.speeds[1] == 0.0
+    cars.step(np.zeros((3, 2)))
+    np.testing.assert_array_equal(cars.poses[1], [2.0, 3.0, 0.5])

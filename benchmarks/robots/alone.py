@@ -1,4 +1,4 @@
-"""Benchmark of robots: how exactly they drive, what an A1 carries and survives, pods, a fleet of three kinds, costs."""
+"""Benchmark of robots by themselves: how exactly they drive, what an A1 carries and survives, what a step costs."""
 
 from __future__ import annotations
 
@@ -7,10 +7,8 @@ import time
 
 import numpy as np
 
-from benchmarks.harness import Benchmark, Kind, Row, Trial, main
-from benchmarks.walking_fleet import measure_shifts
+from benchmarks.harness import Kind, Row, Trial
 from fleet.proving.course import LANES
-from fleet.proving.pods import carry
 from fleet.proving.show import arrivals_apart
 from fleet.proving.trial import TrialReport, drive, yaw_rate_error
 from fleet.proving.vehicles import TICK_S, VEHICLES
@@ -33,13 +31,13 @@ _CIRCLES = {"racecar": (0.2, 0.5), "husky": (0.4, 0.4), "a1": (0.4, 0.2)}
 """Command of each vehicle while its step is timed."""
 
 
-def measure(trial: Trial) -> list[Row]:
+def measure_alone(trial: Trial) -> list[Row]:
     """Drive every vehicle over its course, the A1 over lanes and through pushes, and time physics steps."""
     rows = [row for name in VEHICLES for row in _course(trial, name)]
     rows.append(
         Row(name="husky: yaw rate error", value=100 * yaw_rate_error(VEHICLES["husky"]), unit="%", target="<= 2")
     )
-    return rows + _lanes(trial) + _pushes(trial) + _pods(trial) + measure_shifts(trial) + _costs()
+    return rows + _lanes(trial) + _pushes(trial) + _costs()
 
 
 def _course(trial: Trial, name: str) -> list[Row]:
@@ -100,32 +98,6 @@ def _pushes(trial: Trial) -> list[Row]:
     return [Row(name=f"a1, pushed by {PUSH_MPS:g} m/s: stays up", value=share, unit="%", target=">= 90")]
 
 
-def _pods(trial: Trial) -> list[Row]:
-    carried = [carry(seed) for seed in trial.seeds]
-    for seed, report in zip(trial.seeds, carried, strict=True):
-        trial.check(report.arrived, f"pod, seed {seed}: the lifter did not arrive")
-    return [
-        Row(
-            name="pod carried 20 m: off its place, largest",
-            value=1000 * max(report.off_m for report in carried),
-            unit="mm",
-            target="<= 20",
-        ),
-        Row(
-            name="pod carried 20 m: off its yaw, largest",
-            value=math.degrees(max(report.off_rad for report in carried)),
-            unit="degrees",
-            target="<= 2",
-        ),
-        Row(
-            name="pod carried 20 m: touches beside the plate",
-            value=sum(report.n_touches for report in carried),
-            unit="",
-            target="<= 0",
-        ),
-    ]
-
-
 def _costs() -> list[Row]:
     step_s = {}
     for name in _CIRCLES:
@@ -166,15 +138,3 @@ def _step_s(name: str, n_robots: int) -> float:
         return (time.process_time() - began) / _N_STEPS
     finally:
         floor.close()
-
-
-BENCHMARK = Benchmark(
-    name="robots",
-    summary="racecar, Husky, A1 and lifter on a bare floor, noisy sensors; then a fleet of the first three",
-    measure=measure,
-    seeds=tuple(range(20)),
-    quick_seeds=(0,),
-)
-
-if __name__ == "__main__":
-    raise SystemExit(main(BENCHMARK))
