@@ -9,7 +9,7 @@ import numpy as np
 
 from fleet.arrays import FloatArray
 from fleet.proving.course import Course, Leg
-from fleet.proving.vehicles import TICK_S, PhysicalTwist, TwistControl, VehicleState
+from fleet.proving.vehicles import TICK_S, PhysicalTwist, TwistControl
 from fleet.robots.twist import TWIST_PROMISES
 from fleet.robots.twist.lifter import LIFT_M, LIFT_MPS, POD_M, lifter_spec, pod_urdf
 from fleet.world.bullet.engine.client import Client
@@ -123,7 +123,7 @@ class _Carriage:
             self._tick(self._control.command(self._state, self._paths, float(self._paths.progress[0]), 0.0))
 
     def _tick(self, command: FloatArray) -> None:
-        self._state: VehicleState = self._vehicle.advance(command)
+        self._state = self._vehicle.advance(command)
         self._ticks += 1
         _, height_m, lean_rad = _lying(self._client, self._pod)
         self._lean_rad = max(self._lean_rad, lean_rad)
