@@ -10,21 +10,23 @@ from collections.abc import Callable, Iterable
 from benchmarks.harness import Row, Trial, grouped
 from benchmarks.robots.alone import measure_alone
 from benchmarks.robots.mixed import measure_mixed, measure_trays
-from benchmarks.robots.shifts import measure_shifts
+from benchmarks.robots.pods import measure_pods
 from benchmarks.robots.stations import measure_stations
+from benchmarks.robots.walking import measure_shifts
 
 GROUPS: dict[str, Callable[[Trial], Iterable[Row]]] = {
     "alone": measure_alone,
     "mixed": measure_mixed,
     "trays": measure_trays,
-    "shifts": measure_shifts,
     "panda": measure_stations,
+    "walking": measure_shifts,
+    "pods": measure_pods,
 }
 
 BENCHMARK = grouped(
     GROUPS,
     name="robots",
-    summary="racecar, Husky, A1 and lifter alone on a bare floor; mixed fleets; a Panda and an xArm at stations",
+    summary="racecar, Husky and A1 alone on a bare floor; mixed fleets; a Panda and an xArm at stations",
     seeds=tuple(range(20)),
     quick_seeds=(0,),
 )

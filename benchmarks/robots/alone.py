@@ -1,4 +1,4 @@
-"""Benchmark of robots: how exactly they drive, what an A1 carries and survives, pods, a fleet of three kinds, costs."""
+"""Benchmark of robots by themselves: how exactly they drive, what an A1 carries and survives, what a step costs."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ import numpy as np
 
 from benchmarks.harness import Kind, Row, Trial
 from fleet.proving.course import LANES
-from fleet.proving.pods import carry
 from fleet.proving.show import arrivals_apart
 from fleet.proving.trial import TrialReport, drive, yaw_rate_error
 from fleet.proving.vehicles import TICK_S, VEHICLES
@@ -38,7 +37,7 @@ def measure_alone(trial: Trial) -> list[Row]:
     rows.append(
         Row(name="husky: yaw rate error", value=100 * yaw_rate_error(VEHICLES["husky"]), unit="%", target="<= 2")
     )
-    return rows + _lanes(trial) + _pushes(trial) + _pods(trial) + _costs()
+    return rows + _lanes(trial) + _pushes(trial) + _costs()
 
 
 def _course(trial: Trial, name: str) -> list[Row]:
@@ -97,32 +96,6 @@ def _pushes(trial: Trial) -> list[Row]:
         up += not drive(vehicle.physics(LOAD_KG, 1.0, rng), vehicle.control(rng), vehicle.course, pushed=pushed).fell
     share = 100.0 * up / len(trial.seeds)
     return [Row(name=f"a1, pushed by {PUSH_MPS:g} m/s: stays up", value=share, unit="%", target=">= 90")]
-
-
-def _pods(trial: Trial) -> list[Row]:
-    carried = [carry(seed) for seed in trial.seeds]
-    for seed, report in zip(trial.seeds, carried, strict=True):
-        trial.check(report.arrived, f"pod, seed {seed}: the lifter did not arrive")
-    return [
-        Row(
-            name="pod carried 20 m: off its place, largest",
-            value=1000 * max(report.off_m for report in carried),
-            unit="mm",
-            target="<= 20",
-        ),
-        Row(
-            name="pod carried 20 m: off its yaw, largest",
-            value=math.degrees(max(report.off_rad for report in carried)),
-            unit="degrees",
-            target="<= 2",
-        ),
-        Row(
-            name="pod carried 20 m: touches beside the plate",
-            value=sum(report.n_touches for report in carried),
-            unit="",
-            target="<= 0",
-        ),
-    ]
 
 
 def _costs() -> list[Row]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from fleet.arrays import FloatArray
 from fleet.proving.course import Course, Leg
-from fleet.proving.vehicles import TICK_S, PhysicalTwist, TwistControl, VehicleState
+from fleet.proving.vehicles import TICK_S, PhysicalTwist, TwistControl
 from fleet.robots.twist import TWIST_PROMISES
 from fleet.robots.twist.lifter import LIFT_M, LIFT_MPS, POD_M, lifter_spec, pod_urdf
 from fleet.world.bullet.engine.client import Client

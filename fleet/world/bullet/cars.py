@@ -263,8 +263,8 @@ class Cars:
         if self._brakes:
             self._brake(commands)
         for pack in self._packs:
-            yaw_rates, speeds = np.clip(commands[pack.cars], -self._limit[pack.cars], self._limit[pack.cars]).T.copy()
-            pack.legged.drive(_within(pack.limits, yaw_rates, speeds))
+            turns, speeds = np.clip(commands[pack.cars], -self._limit[pack.cars], self._limit[pack.cars]).T
+            pack.legged.drive(_within(pack.limits, turns, speeds))
         n_changed = _take(commands, self._limit, self._sent, self._unset, self._changed, self._fresh)
         if n_changed == 0:
             return
@@ -275,15 +275,16 @@ class Cars:
         velocity, position = client.VELOCITY_CONTROL, client.POSITION_CONTROL
         changed = self._changed[:n_changed].tolist()
         for number, model in enumerate(kinds):
-            if (drive := model.differential) is not None and isinstance(drive.chassis, SkidChassis):
+            drive = model.differential
+            if drive is not None and isinstance(drive.chassis, SkidChassis):
                 own_rows = np.flatnonzero(self.models.kind_of[self._changed[:n_changed]] == number)
                 spins[own_rows, :2] = _sides(drive.limits, drive.chassis, steering[own_rows], speeds[own_rows])
         rows = zip(changed, speeds.tolist(), spins.tolist(), angles.tolist(), strict=True)
         for car, speed, spin, (left_rad, right_rad) in rows:
             kind = self._kinds[car]
             body, own, joints = self.bodies[car], self._motors[kind], self._joints_of[kind]
-            if not joints.wheels:
-                continue  # legs are told above, in every tick
+            if joints.legs:
+                continue  # told above, in every tick
             torque, n_wheels = own.brake_nm if speed == 0.0 else own.drive_nm, len(joints.wheels)
             motors(body, joints.wheels, velocity, targetVelocities=spin[:n_wheels], forces=[torque] * n_wheels)
             if not joints.hinges:

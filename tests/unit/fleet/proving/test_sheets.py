@@ -32,7 +32,9 @@ def test_every_figure_of_a_sheet_has_a_value_and_a_source(name: str) -> None:
 
 
 def test_an_unknown_robot_is_refused_with_the_valid_ones() -> None:
-    with pytest.raises(ConfigError, match=r"'huskey' \(did you mean husky\?\); valid: racecar, husky, a1, lifter, iiwa"):
+    with pytest.raises(
+        ConfigError, match=r"'huskey' \(did you mean husky\?\); valid: racecar, husky, a1, lifter, iiwa"
+    ):
         robot_sheet("huskey")
 
 
