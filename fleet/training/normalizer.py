@@ -11,10 +11,15 @@ from numba import njit
 CLIP = 10.0
 """Normalised numbers beyond this are cut off."""
 _EPSILON = 1e-8
+_SAME = 1e-12
+"""Numbers of a smaller variance have always been the same, but for rounding."""
 
 
 class Normalizer:
     """Mean and variance of all rows seen so far; before the first, zero and one.
+
+    A number that has always been the same becomes zero, whatever it is later: nothing was learned about it, and what
+    a network would make of it is chance.
 
     Args:
         n: Numbers in a row.
@@ -48,9 +53,13 @@ class Normalizer:
     ) -> npt.NDArray[np.float32]:
         """Normalise rows of shape (m, n), into an array of this shape if there is one."""
         scaled = np.empty_like(rows) if out is None else out
-        factor = 1.0 / np.sqrt(self.variance + _EPSILON)
+        factor = np.where(self.is_same(), 0.0, 1.0 / np.sqrt(np.maximum(self.variance, 0.0) + _EPSILON))
         _scale(rows, self.mean.astype(np.float32), factor.astype(np.float32), np.float32(CLIP), scaled)
         return scaled
+
+    def is_same(self) -> npt.NDArray[np.bool_]:
+        """Which numbers have always been the same, shape (n,)."""
+        return self.variance < _SAME
 
     def scale(self) -> float:
         """Standard deviation of a single number."""

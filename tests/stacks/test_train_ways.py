@@ -290,6 +290,22 @@ def test_a_run_starts_from_what_another_learned(tmp_path: Path, known: Callable[
     assert begun().learners.keys() == {"arm"}, "types that are not there are left alone"
 
 
+def test_what_another_run_never_saw_change_begins_without_weight(tmp_path: Path, known: Callable[..., None]) -> None:
+    first = run(trainer_of(tmp_path, 2)).learners["arm"]
+    assert not first.seen.is_same().any()
+    state = first.state()
+    state["seen"]["variance"][1] = 0.0
+    other = trainer_of(tmp_path / "other", 2).learners["arm"]
+    other.begin_with(state)
+    rows = torch.zeros((1, first.kind.n_observed))
+    changed = rows.clone()
+    changed[:, 1] = 1.0
+    assert not torch.equal(first.network.scores(rows, None), first.network.scores(changed, None))
+    assert torch.equal(other.network.scores(rows, None), other.network.scores(changed, None))
+    assert torch.equal(other.network.scores(rows, None), first.network.scores(rows, None))
+    assert torch.equal(other.network.value(rows), other.network.value(changed))
+
+
 def test_chance_at_play_follows_its_seed_and_the_recipe_says_whether_there_is_any(
     tmp_path: Path, known: Callable[..., None]
 ) -> None:

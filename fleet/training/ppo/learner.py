@@ -275,6 +275,7 @@ class Learner:
         self.network.load_state_dict(state["network"])
         self.seen.recall(state["seen"])
         self.told.recall(state["told"])
+        self.network.forget(np.flatnonzero(self.seen.is_same()).tolist())
 
     def recall(self, state: dict[str, Any]) -> None:
         """Return to a `state`."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from itertools import pairwise
 
 import torch
@@ -77,6 +78,13 @@ class Network(nn.Module):
         """Values of observations (b, n_observed) and states (b, n_state), shape (b,)."""
         found: Tensor = self.critic(rows if state is None else torch.cat((rows, state), dim=1))
         return found.squeeze(-1)
+
+    @torch.no_grad()
+    def forget(self, numbers: Sequence[int]) -> None:
+        """Take their weight from some of the numbers observed, where a perceptron is told these as they are."""
+        for part in (self.actor, self.critic):
+            if isinstance(part, nn.Sequential):
+                part[0].weight[:, numbers] = 0.0  # type: ignore[index, operator, union-attr]
 
     def draw(self, scores: Tensor, generator: torch.Generator) -> tuple[Tensor, Tensor]:
         """Draw actions.

@@ -1,6 +1,7 @@
 """Recipes: what can be trained, with which settings, and which script it is measured against; one file per family."""
 
 from fleet.training.recipes.dispatch import DISPATCH, DISPATCH_DUE
+from fleet.training.recipes.handover import HANDOVER
 from fleet.training.recipes.navigate import CAR, NAVIGATE
 from fleet.training.recipes.reach import REACH
 from fleet.training.recipes.recipe import Recipe, TrainingStage
@@ -21,5 +22,6 @@ RECIPES: dict[str, Recipe] = {
     "transfer": TRANSFER,
     "cell": CELL,
     "residual": RESIDUAL,
+    "handover": HANDOVER,
 }
 """What can be trained, by name."""

@@ -38,3 +38,15 @@ def test_numbers_that_are_fixed_stay_as_they_are() -> None:
     normal.update(rows)
     assert np.allclose(normal.apply(rows)[:, 1], rows[:, 1], atol=1e-6)
     assert np.allclose(normal.apply(rows)[:, 0].mean(), 0.0, atol=1e-5)
+
+
+def test_what_was_always_the_same_says_nothing_later() -> None:
+    rows = np.random.default_rng(0).normal(size=(1000, 3)).astype(np.float32)
+    rows[:, 1] = 0.1
+    normal = Normalizer(3)
+    for part in np.split(rows, [1, 30, 500]):
+        normal.update(part)
+    rows[:, 1] = 1.0
+    told = normal.apply(rows)
+    assert (told[:, 1] == 0.0).all()
+    assert (told[:, [0, 2]] != 0.0).all()

@@ -5,6 +5,7 @@ import pytest
 from fleet.cli.main import main
 from fleet.envs.dispatch import view
 from fleet.envs.navigate import rows
+from fleet.training.evaluation import play
 from fleet.training.recipes import RECIPES
 
 
@@ -21,3 +22,13 @@ def test_help_names_every_recipe(capsys: pytest.CaptureFixture[str]) -> None:
         main(["train", "--help"])
     said = " ".join(capsys.readouterr().out.replace("│", " ").split())
     assert all(f"{name} ({recipe.summary})" in said for name, recipe in RECIPES.items())
+
+
+def test_handover_counts_each_parcel_once_at_the_end_and_for_arm_and_car_before() -> None:
+    recipe = RECIPES["handover"]
+    env = recipe.make(**{**recipe.arguments, "max_cycles": 420})
+    figures = play(env, recipe.scripted(), 0, recipe.figures, recipe.at_end)
+    env.close()
+    assert figures["parcels_delivered"] >= 1.0
+    assert figures["n_delivered"] == 2.0 * figures["parcels_delivered"]
+    assert figures["n_loaded"] == 2.0 * figures["parcels_loaded"]
