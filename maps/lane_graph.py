@@ -451,7 +451,8 @@ def _pivoted(side: float, cell_m: float) -> tuple[Floats, Floats]:
     return points, np.concatenate((turned, turned[-1] + way))
 
 
-def _csr(key: npt.NDArray[Any], n_keys: int) -> tuple[Ints, Ints]:
+def csr(key: npt.NDArray[Any], n_keys: int) -> tuple[Ints, Ints]:
+    """Rows of keys: `order[ptr[k]:ptr[k + 1]]` are the places at which key k stands, ascending."""
     order = np.argsort(key, kind="stable").astype(np.int32)
     ptr = np.concatenate(([0], np.cumsum(np.bincount(key, minlength=n_keys)))).astype(np.int32)
     return ptr, order
@@ -472,8 +473,8 @@ def _assemble(
     n_states = len(cell)
     path_ptr, path_points, path_s = paths
     swept = np.column_stack((cell[move[:, 0]], cell[move[:, 1]]))
-    out_ptr, out_move = _csr(move[:, 0], n_states)
-    in_ptr, in_move = _csr(move[:, 1], n_states)
+    out_ptr, out_move = csr(move[:, 0], n_states)
+    in_ptr, in_move = csr(move[:, 1], n_states)
     moved = swept[:, 0] != swept[:, 1]  # a turn on the spot sweeps one cell
     keep = np.column_stack((np.ones(len(move), dtype=np.bool_), moved))
     n_most = max(map(len, beside or ()), default=0)

@@ -201,6 +201,16 @@ TABLETOP_COMMANDS = {
         "Let two Kukas bring parcels to one tray that has room for one arm, as soon after each other as they can.",
     ),
 }
+LAYOUT_COMMANDS = {
+    "show": Command(
+        "layout.show.LayoutShow",
+        "Show the lanes that cars have on a layout of another fleet manager, as it is; prints a table.",
+    ),
+    "drive": Command(
+        "layout.drive.LayoutDrive",
+        "Let cars drive on a layout of another fleet manager, as it is; prints a table.",
+    ),
+}
 YARD_COMMANDS = {
     "plan": Command(
         "yard.plan.YardPlan",
@@ -217,6 +227,7 @@ GROUPS = {
         "Sort a table: a Kuka, a Panda with a tray, two Kukas; or let two share a tray.",
         TABLETOP_COMMANDS,
     ),
+    "layout": ("Layouts of other fleet managers as they are: show their lanes, or drive on them.", LAYOUT_COMMANDS),
     "yard": ("Cars on a floor without lanes: plan their ways, or let them deliver.", YARD_COMMANDS),
     "robots": ("List robots, show one by itself, or fit its kinematic model to its physics.", ROBOT_COMMANDS),
 }

@@ -43,7 +43,7 @@ class LayoutEdge:
     """Whether the vehicle reverses."""
     curve: tuple[tuple[Point, ...], ...] = ()
     """Its pieces one after the other [m]: two points are a line, three a quarter circle with the corner of its tangents
-    in the middle. Empty = a line between the nodes, or unknown."""
+    in the middle, four a cubic Bezier curve. Empty = a line between the nodes, or unknown."""
     length_m: float | None = None
     cells: tuple[str, ...] = ()
     """Names of the squares of floor that a vehicle needs on it, where they are known."""

@@ -10,9 +10,12 @@ Source: openTCS, plant model schema 7.0.0 (model-7.0.0.xsd), https://github.com/
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from xml.etree import ElementTree
 
-from maps.layouts.fields import MOST_M, FormatFields, read_fields
+from pydantic import Field
+
+from maps.layouts.fields import MOST_M, Coordinate, FormatFields, read_fields
 from maps.layouts.from_site import layout_of_states
 from maps.layouts.layout import (
     FloorLayout,
@@ -63,6 +66,16 @@ class _Path(FormatFields):
     length: float
     maxVelocity: float
     maxReverseVelocity: float
+
+
+class _ControlPoint(FormatFields):
+    x: Coordinate
+    y: Coordinate
+
+
+class _Scale(FormatFields):
+    scaleX: float = Field(gt=0, allow_inf_nan=False)
+    scaleY: float = Field(gt=0, allow_inf_nan=False)
 
 
 class _Location(FormatFields):
@@ -134,7 +147,9 @@ def read_opentcs(text: str, where: str) -> FloorLayout:
     if not version.startswith(_READ):
         raise LayoutError(f"{where}: version is {shown(version)}; valid: 6.x.x or 7.x.x")
     nodes = [_node(element, where) for element in model.iter("point")]
-    edges = [edge for element in model.iter("path") for edge in _edges(element, where)]
+    at_node = {node.name: (node.x, node.y) for node in nodes}
+    scale = _drawing_scale(model, where)
+    edges = [edge for element in model.iter("path") for edge in _edges(element, at_node, scale, where)]
     uses = {
         element.get("name", ""): [operation.get("name", "") for operation in element.iter("allowedOperation")]
         for element in model.iter("locationType")
@@ -184,13 +199,20 @@ def _node(element: ElementTree.Element, where: str) -> LayoutNode:
     )
 
 
-def _edges(element: ElementTree.Element, where: str) -> list[LayoutEdge]:
+def _edges(element: ElementTree.Element, at_node: dict[str, Point], scale: Point, where: str) -> list[LayoutEdge]:
     """A path as the ways along it: one for each sense in which vehicles may drive."""
     path = read_fields(_Path, element.attrib, _at(element, where))
+    curve = _curve(element, at_node.get(path.sourcePoint), at_node.get(path.destinationPoint), scale, where)
     ways = []
     if path.maxVelocity > 0:
         ways.append(
-            LayoutEdge(name=path.name, start=path.sourcePoint, end=path.destinationPoint, length_m=path.length / 1e3)
+            LayoutEdge(
+                name=path.name,
+                start=path.sourcePoint,
+                end=path.destinationPoint,
+                curve=curve,
+                length_m=path.length / 1e3,
+            )
         )
     if path.maxReverseVelocity > 0:
         ways.append(
@@ -199,10 +221,39 @@ def _edges(element: ElementTree.Element, where: str) -> list[LayoutEdge]:
                 start=path.destinationPoint,
                 end=path.sourcePoint,
                 backwards=True,
+                curve=tuple(piece[::-1] for piece in curve[::-1]),
                 length_m=path.length / 1e3,
             )
         )
     return ways
+
+
+def _drawing_scale(model: ElementTree.Element, where: str) -> Point:
+    """Metres of a unit of the drawing to the right and upwards."""
+    drawing = model.find("visualLayout")
+    if drawing is None:
+        return _MM_PER_UNIT / 1e3, _MM_PER_UNIT / 1e3
+    scale = read_fields(_Scale, drawing.attrib, _at(drawing, where))
+    return scale.scaleX / 1e3, scale.scaleY / 1e3
+
+
+def _curve(
+    element: ElementTree.Element, start: Point | None, end: Point | None, scale: Point, where: str
+) -> tuple[tuple[Point, ...], ...]:
+    """The curve of a path that is drawn as a Bezier curve of degree two or three, or as several lines."""
+    drawn = element.find("pathLayout")
+    kind = "" if drawn is None else drawn.get("connectionType", "")
+    if drawn is None or start is None or end is None or kind not in ("BEZIER", "POLYPATH"):
+        return ()
+    read = [read_fields(_ControlPoint, point.attrib, _at(element, where)) for point in drawn.iter("controlPoint")]
+    # The drawing has y down.
+    points = [(point.x * scale[0], -point.y * scale[1]) for point in read]
+    if kind == "POLYPATH":
+        return tuple(pairwise((start, *points, end)))
+    if len(points) == 1:
+        (x, y) = points[0]
+        points = [((x0 + 2 * x) / 3, (y0 + 2 * y) / 3) for x0, y0 in (start, end)]
+    return ((start, *points, end),) if len(points) == 2 else ()
 
 
 def _station(location: _Location, use: Use, point: str, known: dict[str, str], where: str) -> LayoutStation:

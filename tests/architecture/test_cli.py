@@ -46,6 +46,8 @@ REQUIRED = {
     "site export": ["small", "out.xml"],
     "site import": ["in.xml", "--out", "out.toml"],
     "why": ["car_0", "run"],
+    "layout drive": ["in.xml"],
+    "layout show": ["in.xml"],
     "yard plan": ["in.yaml"],
 }
 """Words without which a command has nothing to work on."""

@@ -1,0 +1,1 @@
+"""Commands about layouts of other fleet managers, as they are: one file for each."""

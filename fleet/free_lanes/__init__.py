@@ -1,0 +1,1 @@
+"""Free lanes: cars on the layout of another fleet manager, as it is."""
