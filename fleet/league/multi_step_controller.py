@@ -169,7 +169,7 @@ class MultiStepController:
         self._begin(arena, method)
         self._expect_goals(arena, errands.cell, deadline)
         first = self._assign(arena, everybody=True)
-        self._task_of = first
+        self._task_of: Tasks | None = first
         # The first step of a process loads or compiles kernels; what it decides is not kept.
         chance = self._mover.chance.copy() if isinstance(self._mover, Mover) else None
         self._move(arena, first, Deadline(iterations=1))
@@ -228,7 +228,7 @@ class MultiStepController:
         self._inside = np.zeros(n, dtype=np.int64)
         self._cells = graph.state_cell[arena.states]
         self._schedule = TaskSchedule(arena, self._costs)
-        self._task_of: Tasks | None = None
+        self._task_of = None
         self._stand(arena.states)
 
     def _stand(self, states: Ints) -> None:
