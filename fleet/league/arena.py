@@ -73,6 +73,11 @@ class Arena:
         return self._ledger.n_finished
 
     @property
+    def n_errands_done(self) -> int:
+        """Errands done, those of unfinished tasks included."""
+        return sum(len(events) for events in self._log.events)
+
+    @property
     def errand_ptr(self) -> Ints:
         """With `errand_cell`, the tasks of the problem's file as CSR; task t is row t modulo their number."""
         return self.problem.errand_ptr

@@ -12,13 +12,14 @@ from fleet.errors import FleetError
 from fleet.league import multi_step_controller
 from fleet.league.arena import Arena
 from fleet.league.controller import PibtController
-from fleet.league.multi_step_controller import MultiStepController, MultiStepControllerConfig
+from fleet.league.multi_step_controller import METHODS, Method, MultiStepController, MultiStepControllerConfig
 from fleet.league.play import Played, play
+from fleet.league.rehearsal import problem_to_rehearse
 from maps.formats.lorr import LeagueProblem, write_result
 from maps.lane_graph import LaneGraph
+from planners.mapf.arrays import IntArray
 from planners.mapf.multi_step import goal_costs
-from planners.mapf.multi_step.goal_costs import GoalCosts
-from planners.mapf.multi_step.guidance import GuidanceConfig
+from planners.mapf.multi_step.guidance import Errands, GuidanceConfig
 from tests.unit.fleet.league.problems import CORRIDOR, ROOM, problem_of, random_problem, write_files
 from tests.unit.fleet.league.replay import Replay
 
@@ -28,7 +29,8 @@ PATIENT_S = 60.0
 
 
 def made(*, seed: int = 0, **settings: Any) -> MultiStepController:
-    return MultiStepController(MultiStepControllerConfig(**({"guidance": SHORT} | settings)), seed=seed)
+    few = {"guidance": SHORT, "rehearsal_timesteps": 20}
+    return MultiStepController(MultiStepControllerConfig(**(few | settings)), seed=seed)
 
 
 def played_well(
@@ -101,14 +103,48 @@ def test_robots_without_a_task_make_room(tmp_path: Path) -> None:
 def test_who_is_in_a_dead_end_gets_out_before_others_get_in(monkeypatch: pytest.MonkeyPatch) -> None:
     """The outer robot wants to where the inner one stands, and to make room costs it more than the inner one gains."""
 
-    def dear_to_enter(graph: LaneGraph, costs: GoalCosts, *_: object, **__: object) -> None:
+    def dear_to_enter(graph: LaneGraph, *_: object, **__: object) -> IntArray:
         west = graph.state_cell[graph.move_to] == graph.state_cell[graph.move_from] - 1
-        costs.weigh(np.where(west, 56, 8).astype(np.int32))
+        return np.where(west, 56, 8).astype(np.int32)
 
     monkeypatch.setattr(multi_step_controller, "learn_guidance", dear_to_enter)
     floor = ["@@@@.....", ".........", "@@@@.....", "@@@@....."]
     problem = problem_of(floor, [9, 10], [[35], [9], [34], [13]], pool_size=2, round_robin=True)
-    assert play(problem, made(), 150, PATIENT_S).result.n_finished > 10
+    pushing = made(rehearsal_timesteps=0)
+    assert play(problem, pushing, 150, PATIENT_S).result.n_finished > 10
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_every_method_is_legal_and_gets_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, method: Method) -> None:
+    problem = random_problem(8, n_robots=12)
+    plain = play(problem, PibtController(), 100, PATIENT_S).result.n_finished
+    monkeypatch.setattr(multi_step_controller, "METHODS", (method,))
+    assert played_well(tmp_path, problem, made(), 100).result.n_finished > plain
+
+
+def test_what_does_most_in_a_rehearsal_is_done(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Guidance that leads astray, along the wall on the other side of the floor, is seen through."""
+
+    def astray(graph: LaneGraph, *_: object, **__: object) -> IntArray:
+        elsewhere = (graph.state_cell[graph.move_from] < 100) & (graph.state_cell[graph.move_to] < 100)
+        drive = graph.state_cell[graph.move_from] != graph.state_cell[graph.move_to]
+        return np.where(elsewhere & drive, 400, 8).astype(np.int32)
+
+    monkeypatch.setattr(multi_step_controller, "learn_guidance", astray)
+    problem = problem_of(["." * 20] * 6, [0], [[19, 0]])
+    led_astray = play(problem, made(rehearsal_timesteps=0), 600, PATIENT_S).result.n_finished
+    straight = play(problem, made(rehearsal_timesteps=60), 600, PATIENT_S).result.n_finished
+    assert straight == 600 // (19 + 2 + 19 + 2)
+    assert led_astray <= 10
+
+
+def test_a_rehearsal_knows_what_is_known_at_the_start() -> None:
+    problem = problem_of(ROOM, [3, 4], [[0, 1], [2], [30, 31], [35]], pool_size=3)
+    arena = Arena(problem)
+    known = Errands(ptr=np.array([0, 2, 3, 5], dtype=np.int32), cell=np.array([0, 1, 2, 30, 31], dtype=np.int32))
+    rehearsal = problem_to_rehearse(arena, known)
+    assert rehearsal.start_cell.tolist() == [3, 4]
+    assert [rehearsal.errands(task).tolist() for task in range(4)] == [[0, 1], [2], [30, 31], [0, 1]]
 
 
 def test_a_full_floor(tmp_path: Path) -> None:
@@ -160,3 +196,8 @@ def test_it_changes_nothing_in_the_arena() -> None:
 def test_settings_that_make_no_sense_are_refused(value: float) -> None:
     with pytest.raises(FleetError, match=f"multi_step_pibt: budget_share = {value}; valid: 0 < budget_share <= 1"):
         MultiStepControllerConfig(budget_share=value)
+
+
+def test_a_rehearsal_of_less_than_nothing_is_refused() -> None:
+    with pytest.raises(FleetError, match="multi_step_pibt: rehearsal_timesteps = -1; valid: an integer >= 0"):
+        MultiStepControllerConfig(rehearsal_timesteps=-1)

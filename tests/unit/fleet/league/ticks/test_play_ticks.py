@@ -23,7 +23,7 @@ from tests.unit.fleet.league.ticks.replay_ticks import complaints
 
 def quick() -> MultiStepController:
     short = GuidanceConfig(candidates=1, rounds=1, timesteps=5)
-    return MultiStepController(MultiStepControllerConfig(guidance=short, rounds=3))
+    return MultiStepController(MultiStepControllerConfig(guidance=short, rounds=3, rehearsal_timesteps=10))
 
 
 def run(problem: LeagueProblem, controller: Controller | None = None, *, ticks: int = 300, **options: Any) -> Played:
