@@ -80,7 +80,7 @@ class _Carriage:
         self._pod = load_on_floor(self._client, pod_urdf(), _pose_at(_UNDER))
         self._lift = Lift(self._client, body, self._pod)
         self._paths = COURSE.paths()
-        self._state: VehicleState = vehicle.advance(np.zeros(2))
+        self._state = vehicle.advance(np.zeros(2))
         self._ticks = self._n_touches = 0
         self._carried = False
         self._lifted_m, self._lean_rad = math.inf, 0.0

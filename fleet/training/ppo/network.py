@@ -83,8 +83,8 @@ class Network(nn.Module):
     def forget(self, numbers: Sequence[int]) -> None:
         """Take their weight from some of the numbers observed, where a perceptron is told these as they are."""
         for part in (self.actor, self.critic):
-            if isinstance(part, nn.Sequential):
-                part[0].weight[:, numbers] = 0.0  # type: ignore[index, operator, union-attr]
+            if isinstance(part, nn.Sequential) and isinstance(first := part[0], nn.Linear):
+                first.weight[:, numbers] = 0.0
 
     def draw(self, scores: Tensor, generator: torch.Generator) -> tuple[Tensor, Tensor]:
         """Draw actions.
