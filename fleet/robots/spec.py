@@ -143,6 +143,8 @@ class CarSpec(CarLimits):
     """Where parcels are set down, ahead of the tray's centre and to the left of it [m]."""
     visuals: tuple[Visual, ...]
     """Links: 'chassis' (frame of the reference point), `WHEELS`, 'tray'."""
+    settle_s: float = 0.0
+    """How long it has to stand before it counts as at rest: legs bring their last steps to an end [s]."""
     rear_axle_m: float = 0.0
     """Rear axle ahead of the reference point [m]."""
 

@@ -129,6 +129,8 @@ class PathDriver:
         self._stop_s = np.zeros(n_cars)
         self._speed_cap = np.full(n_cars, PASS_SPEED_MPS)
         self._speeds = np.zeros(n_cars)
+        self._settle_ticks = np.ceil(models.each("settle_s") / tick_s)
+        self._slow_ticks = np.zeros(n_cars)
         self.hindrances = Hindrances(n_cars)
         self.estimate = start_poses.copy()
 
@@ -175,6 +177,7 @@ class PathDriver:
     def sense(self, world: World) -> None:
         """Take in where the cars are and how fast."""
         self._speeds = world.car_speeds()
+        self._slow_ticks = np.where(np.abs(self._speeds) < AT_REST_MPS, self._slow_ticks + 1.0, 0.0)
         self.estimate = self.estimator.update(world.car_poses(), self._speeds, world.car_steering())
 
     def finished(self) -> CellArray:
@@ -184,7 +187,8 @@ class PathDriver:
     def at_rest(self, car: int) -> bool:
         """See `Driver`."""
         near = abs(self._stop_s[car] - self.follower.progress[car]) < AT_REST_M
-        return bool(near and abs(self._speeds[car]) < AT_REST_MPS)
+        slow = abs(self._speeds[car]) < AT_REST_MPS and self._slow_ticks[car] >= self._settle_ticks[car]
+        return bool(near and slow)
 
     def remaining(self, car: int) -> FloatArray:
         """See `Driver`."""

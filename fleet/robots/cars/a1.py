@@ -39,6 +39,8 @@ def _spec() -> CarSpec:
         tray_size_m=own.tray_size_m,
         tray_wall_m=TRAY.wall_m,
         visuals=own.visuals,
+        # A cycle and a third, in which all feet come home.
+        settle_s=round(4 / 3 / TROT.frequency_hz, 2),
     )
 
 

@@ -45,7 +45,7 @@ _TRUNK_M = (0.267, 0.194, 0.114)
 """The trunk's box in the description."""
 _LEG_M = 0.035
 """How thick legs are drawn, and how far knees are taken to reach out."""
-# A tray of our own on the trunk.
+# A tray of our own on the trunk, with a mat of rubber: steps shake parcels along anything smoother.
 _TRAY_BOTTOM_M = _HIP_Z_M + 0.062
 TRAY = Tray(x_m=0.0, floor_z_m=_TRAY_BOTTOM_M + 0.004, inner_m=(0.26, 0.18, 0.06), wall_m=0.004)
 _TRAY_MASS_KG = 0.3
