@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from itertools import pairwise
+from typing import cast
 
 import torch
 from gymnasium.spaces import Discrete
@@ -83,8 +84,8 @@ class Network(nn.Module):
     def forget(self, numbers: Sequence[int]) -> None:
         """Take their weight from some of the numbers observed, where a perceptron is told these as they are."""
         for part in (self.actor, self.critic):
-            if isinstance(part, nn.Sequential) and isinstance(first := part[0], nn.Linear):
-                first.weight[:, numbers] = 0.0
+            if isinstance(part, nn.Sequential):
+                cast(nn.Linear, part[0]).weight.index_fill_(1, torch.tensor(numbers, dtype=torch.long), 0.0)
 
     def draw(self, scores: Tensor, generator: torch.Generator) -> tuple[Tensor, Tensor]:
         """Draw actions.
