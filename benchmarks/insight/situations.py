@@ -23,7 +23,7 @@ from fleet.config import (
 )
 from fleet.insight.causes import NO_WAIT, Cause
 from fleet.insight.explain import Explanation
-from fleet.insight.link import Link
+from fleet.insight.phrases import Link
 from fleet.missions.phases import CarPhase
 from fleet.simulation import Simulation
 
