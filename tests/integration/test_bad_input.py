@@ -318,6 +318,7 @@ def test_places_that_take_no_files_are_one_line(out: str, capsys: pytest.Capture
     said = complaint(["demo", "--fidelity", "grid", "--robots", "1", "--no-record", "--out", out], capsys)
     assert "(--out)" in said or f"--out {out}: " in said
     assert "valid: " in said
+    assert "SVG is '/proc/x.svg'; valid: a file in a folder that" in complaint(["film", "run", "/proc/x.svg"], capsys)
     assert Path("/dev/null").is_char_device()
 
 
