@@ -1,8 +1,11 @@
-"""WholeFile: a file is there as a whole or not at all, also where the disk is full."""
+"""WholeFile: a file, or a folder of files, is there as a whole or not at all, also where the disk is full."""
 
 from __future__ import annotations
 
 import os
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 
@@ -33,3 +36,26 @@ def write_whole(path: Path, content: str | bytes) -> None:
     finally:
         if draft is not target:
             draft.unlink(missing_ok=True)
+
+
+@contextmanager
+def whole_folder(folder: Path) -> Iterator[None]:
+    """Make a folder in which files are written; if one of them cannot be, what was made here is taken away again.
+
+    Args:
+        folder: Made with its parents. One that was there is kept, with what is in it.
+
+    Raises:
+        OSError: It cannot be made, or a file in it not be written.
+    """
+    missing = [path for path in (folder, *folder.parents) if not path.exists()]
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        yield
+    except OSError:
+        if folder in missing:
+            shutil.rmtree(folder, ignore_errors=True)
+        for path in missing[1:]:
+            with suppress(OSError):
+                path.rmdir()
+        raise

@@ -269,11 +269,16 @@ def main(arguments: Sequence[str] | None = None, *, prog: str = "") -> None:
         _fail(prog, f"the package {error.name} is missing in this {python}; valid: {PYTHONS}")
     except BrokenPipeError:
         # Whoever read our output has gone, as `head` does: that is no error, and nobody is left to tell.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _drop_output()
         sys.exit(0)
     except OSError as error:
-        cure = CURES.get(error.errno or 0, "")
-        _fail(prog, f"{error.filename or 'file system'}: {error.strerror or error}{cure}")
+        where = error.filename or "file system"
+        try:
+            sys.stdout.flush()
+        except OSError:  # else Python tries once more at its end, and complains in words of its own
+            _drop_output()
+            where = error.filename or "standard output"
+        _fail(prog, f"{where}: {error.strerror or error}{CURES.get(error.errno or 0, '')}")
     except KeyboardInterrupt as interrupt:
         discard(interrupt)
         _fail(prog, "interrupted", status=INTERRUPTED)
@@ -283,6 +288,11 @@ def main(arguments: Sequence[str] | None = None, *, prog: str = "") -> None:
 def _fail(prog: str, message: str, *, status: int = BAD_INPUT) -> NoReturn:
     print(f"{prog}: {message}", file=sys.stderr)  # noqa: T201 - the one line a user gets
     sys.exit(status)
+
+
+def _drop_output() -> None:
+    """Whatever is printed from here on, or has not got out, is lost."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _choose(words: list[str], prog: str) -> tuple[Command, str, list[str]]:

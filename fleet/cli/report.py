@@ -28,15 +28,16 @@ class Report:
         from fleet.report.loaded_run import load_run
         from fleet.report.page import PAGE, write_page
         from fleet.report.tables import tables_of
+        from fleet.whole_file import whole_folder
 
         run = load_run(self.folder)
         tables = tables_of(run)
         out = self.folder / "report" if self.out is None else self.out
         try:
-            out.mkdir(parents=True, exist_ok=True)
-            for table in tables.values():
-                table.write_csv(out)
-            write_page(out / PAGE, run, tables)
+            with whole_folder(out):
+                for table in tables.values():
+                    table.write_csv(out)
+                write_page(out / PAGE, run, tables)
         except OSError as error:
             what = f"--out {out}: {error.strerror or error}"
             raise OutputError(f"{what}; valid: a directory that can be written") from error

@@ -5,6 +5,7 @@ import os
 import re
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 import pytest
@@ -286,6 +287,103 @@ def test_an_output_path_that_cannot_be_written(tmp_path: Path, capsys: pytest.Ca
         assert f"--out {out}" in said
         assert "a directory that can be written" in said
     assert file.read_text(encoding="utf-8") == "mine"
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full, a device that is always full")
+def test_a_full_disk_behind_the_output_is_one_line(repository: Path) -> None:
+    """It was three, with a status of Python's own, and without a word of what was full."""
+    for words, said in (
+        (["site", "list"], "standard output: No space left on device; valid: room on its disk"),
+        (
+            ["site", "export", "small", "/dev/full", "--format", "lif"],
+            "/dev/full: No space left on device; valid: room",
+        ),
+    ):
+        with open("/dev/full", "w", encoding="utf-8") as full:
+            done = subprocess.run(
+                [sys.executable, "-m", "fleet", *words],
+                cwd=repository,
+                stdout=full,
+                stderr=subprocess.PIPE,
+                text=True,
+                check=False,
+            )
+        assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+        assert done.stderr.startswith(f"python -m fleet: {said}")
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="needs /proc")
+@pytest.mark.parametrize("out", ["/dev/null", "/dev/null/below", "/proc/run"])
+def test_places_that_take_no_files_are_one_line(out: str, capsys: pytest.CaptureFixture[str]) -> None:
+    said = complaint(["demo", "--fidelity", "grid", "--robots", "1", "--no-record", "--out", out], capsys)
+    assert "(--out)" in said or f"--out {out}: " in said
+    assert "valid: " in said
+    assert "SVG is '/proc/x.svg'; valid: a file in a folder that" in complaint(["film", "run", "/proc/x.svg"], capsys)
+    assert Path("/dev/null").is_char_device()
+
+
+AS_NOBODY = """
+import os, sys
+from fleet.cli.main import main
+
+def say(run, site):
+    for words in (["shot", run, "x.png"], ["film", run, "x.svg"], ["site", "export", site, "x.lif.json"]):
+        try:
+            main(words)
+        except SystemExit as stop:
+            print(stop.code)
+
+say("nowhere", "small")  # loads all that somebody else may not read
+os.remove("x.lif.json")
+os.setresuid(65534, 65534, 65534)
+say(".", "small")
+"""
+
+
+@pytest.mark.skipif(os.name != "posix" or os.geteuid() != 0, reason="only root may become somebody else")
+def test_a_user_who_may_not_write_there_is_told_so(repository: Path) -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        Path(folder).chmod(0o755)
+        Path(folder, "recording.rrd").write_bytes(b"RRF2")
+        done = subprocess.run(
+            [sys.executable, "-c", AS_NOBODY],
+            cwd=folder,
+            env={**os.environ, "PYTHONPATH": str(repository)},
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert done.stdout.splitlines()[-3:] == ["2"] * 3, done.stderr
+        png, svg, lif = done.stderr.splitlines()[-3:]
+        assert "PNG is 'x.png'; valid: a file in a folder that is there and can be written" in png
+        assert "SVG is 'x.svg'; valid: a file in a folder that is there and can be written" in svg
+        assert "x.lif.json: Permission denied; valid: a path that you may read or write" in lif
+        assert [path.name for path in Path(folder).iterdir()] == ["recording.rrd"]
+
+
+@pytest.mark.parametrize(
+    ("package", "words", "cure"),
+    [
+        ("torch", ["train", "--env", "dispatch", "--out", "new"], "pip install '.[train]'"),
+        ("ray", ["study", "--robots", "1", "--seeds", "1", "--backend", "ray", "--out", "new"], "pip install '.[ray]'"),
+        ("yaml", ["site", "export", "small", "new.yaml", "--format", "rmf"], "pip install '.[rmf]'"),
+        ("paho", ["serve", "--vda5050", "mqtt://127.0.0.1:1", "--out", "new"], "pip install 'fleet[vda5050]'"),
+    ],
+)
+def test_a_missing_extra_is_named_with_its_cure(
+    package: str,
+    words: list[str],
+    cure: str,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    for name in [name for name in sys.modules if name.partition(".")[0] == package or name == "fleet.gateway.mqtt"]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, package, None)
+    monkeypatch.chdir(tmp_path)
+    assert f"; valid: {cure}" in complaint(words, capsys)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_refused_run_leaves_earlier_results_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

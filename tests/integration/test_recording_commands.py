@@ -108,7 +108,8 @@ def test_the_longest_wait_is_one_word_away(
     assert wait.from_s <= time_s <= wait.to_s
     assert f"picture.png --at {time_s:g})" in said(["view", str(run), "--at", "longest-wait"], capsys)[1]
     (line,) = (line for line in lines if line.text.startswith("longest wait of the run"))
-    assert (line.level, line.sim_s) == ("WARN", pytest.approx(time_s, abs=0.02))
+    assert line.level == "WARN"
+    assert 0.0 <= time_s - line.sim_s <= 0.05  # a tick of the grid
     assert f"{wait.robot} has waited" in line.text
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import os
+import tempfile
 from pathlib import Path
 
 from fleet.config import require
@@ -20,6 +20,14 @@ def require_writable(name: str, path: Path, suffix: str) -> None:
         ConfigError: Its name ends otherwise, its folder is not there or cannot be written, or it is a folder itself.
     """
     require(path.suffix.lower() == suffix, name, str(path), f"a file whose name ends in {suffix}")
-    folder = path.parent
-    writable = folder.is_dir() and os.access(folder, os.W_OK) and not path.is_dir()
+    writable = not path.is_dir() and _takes_files(path.parent)
     require(writable, name, str(path), "a file in a folder that is there and can be written")
+
+
+def _takes_files(folder: Path) -> bool:
+    """Whether files can be made in a folder: rights do not tell it of `/proc`."""
+    try:
+        with tempfile.TemporaryFile(dir=folder):
+            return True
+    except OSError:
+        return False

@@ -27,6 +27,8 @@ _LANES_PER_TAB = 25
 """State lanes of cars in one tab."""
 _LANE_PX = 40.0
 """Height of a state lane with its name."""
+_TASKS_SEEN = 6
+"""Lanes of tasks for which there is room beside few robots."""
 _WINDOW_S = (-15.0, 8.0)
 """Part of the state lanes that is shown, about the time cursor [s]."""
 _FIELD_OF_VIEW_RAD = math.radians(55.0)
@@ -95,7 +97,7 @@ def layout(
                 _lanes("Tasks", "tasks"),
                 why,
                 rrb.Horizontal(rrb.Tabs(*plotted), rrb.Tabs(*text), column_shares=[6, 5]),
-                row_shares=[(n_lanes + 1.7) * _LANE_PX, 5.5 * _LANE_PX, 110.0, 180.0],
+                row_shares=[(n_lanes + 1.7) * _LANE_PX, (_TASKS_SEEN + 1.7) * _LANE_PX, 90.0, 150.0],
             ),
             column_shares=[3, 2],
         )

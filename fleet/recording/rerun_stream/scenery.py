@@ -19,6 +19,8 @@ _CAMERA_Z = 400.0
 """So far up that the projection is nearly parallel [m]."""
 _FEW_CARS = 8
 """More cars than this are labelled by number alone, so that neighbours stay legible."""
+_RIM_M = 0.19
+"""By how much the plates of few cars are larger than their bodies, all around: those of neighbours stay apart [m]."""
 MANY_CARS = 30
 """Of more cars than this the names would hide the floor: they are shown where somebody points."""
 PIXELS_PER_M = 24.0
@@ -110,7 +112,7 @@ def log_part(rec: rr.RecordingStream, path: str, part: Part) -> None:
 
 def log_tags(rec: rr.RecordingStream, path: str, cars: list[int], n_cars: int, spec: CarSpec) -> None:
     """Log the coloured plates with the names of some of the cars that lie under the bodies and move with them."""
-    length, width = spec.front_m + spec.rear_m, 2 * spec.half_width_m
+    length, width = plate_size_m(spec, n_cars)
     rec.log(
         path,
         rr.Boxes3D(
@@ -123,6 +125,19 @@ def log_tags(rec: rr.RecordingStream, path: str, cars: list[int], n_cars: int, s
         ),
         static=True,
     )
+
+
+def plate_size_m(spec: CarSpec, n_cars: int) -> tuple[float, float]:
+    """Length and width of the plate of a car [m].
+
+    Few cars are seen from afar, where a car is a few pixels wide: their plates show beyond their bodies.
+
+    Args:
+        spec: The car.
+        n_cars: Of the run.
+    """
+    rim = _RIM_M if n_cars <= _FEW_CARS else 0.0
+    return spec.front_m + spec.rear_m + 2 * rim, 2 * (spec.half_width_m + rim)
 
 
 def _log_plates(rec: rr.RecordingStream, path: str, xy: np.ndarray, colour: int) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from fleet.whole_file import write_whole
+from fleet.whole_file import whole_folder, write_whole
 
 
 def test_a_file_is_replaced_and_nothing_else_is_left(tmp_path: Path) -> None:
@@ -35,3 +35,28 @@ def test_a_link_is_followed_and_a_device_stays_one(tmp_path: Path) -> None:
     (tmp_path / "device").symlink_to("/dev/null")
     write_whole(tmp_path / "device", "gone")
     assert stat.S_ISCHR(os.stat("/dev/null").st_mode)
+
+
+def test_a_folder_whose_files_cannot_be_written_is_taken_away_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    written = []
+
+    def full(_: int) -> None:
+        if written:
+            raise OSError(28, "No space left on device")
+        written.append(1)
+
+    monkeypatch.setattr("os.fsync", full)
+
+    def write(folder: Path) -> None:
+        with whole_folder(folder):
+            write_whole(folder / f"{len(written)}.csv", "x")
+            write_whole(folder / "last.csv", "x")
+
+    with pytest.raises(OSError, match="No space left"):
+        write(tmp_path / "a" / "b")
+    assert list(tmp_path.iterdir()) == []
+    with pytest.raises(OSError, match="No space left"):
+        write(tmp_path)
+    assert tmp_path.is_dir()
