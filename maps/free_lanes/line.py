@@ -100,7 +100,7 @@ def _sampled(piece: Floats) -> Floats:
     n = max(2, math.ceil(np.hypot(*np.diff(piece, axis=0).T).sum() / STEP_M) + 1)
     t = np.linspace(0.0, 1.0, n)[:, None]
     if len(piece) == 2:
-        return (1 - t) * piece[0] + t * piece[1]
+        return np.asarray((1 - t) * piece[0] + t * piece[1])
     if len(piece) == 3:
         weights = np.hstack(((1 - t) ** 2, 2 * _CONIC * t * (1 - t), t**2))
         return np.asarray(weights @ piece / weights.sum(axis=1, keepdims=True))
