@@ -27,6 +27,7 @@ from maps.layouts.layout import (
     checked_layout,
     some_nodes,
 )
+from maps.layouts.nurbs import nurbs_lines
 from maps.reading.shown import shown
 from maps.reading.text_file import FileError, parse_json
 from maps.site import Site
@@ -64,10 +65,23 @@ class _Node(FormatFields):
     vehicleTypeNodeProperties: tuple[_NodeOfVehicle, ...]
 
 
+class _ControlPoint(FormatFields):
+    x: Coordinate
+    y: Coordinate
+    weight: Coordinate = 1.0
+
+
+class _Trajectory(FormatFields):
+    degree: int
+    knotVector: tuple[Coordinate, ...]
+    controlPoints: tuple[_ControlPoint, ...]
+
+
 class _EdgeOfVehicle(FormatFields):
     vehicleTypeId: str
     vehicleOrientation: Angle = 0.0
     orientationType: Literal["GLOBAL", "TANGENTIAL"] = "TANGENTIAL"
+    trajectory: _Trajectory | None = None
 
 
 class _Edge(FormatFields):
@@ -186,7 +200,10 @@ def read_lif(text: str, where: str) -> FloorLayout:
         if of_vehicle is None:
             continue
         back = of_vehicle.orientationType == "TANGENTIAL" and math.cos(of_vehicle.vehicleOrientation) < 0.0
-        edges.append(LayoutEdge(name=edge.edgeId, start=edge.startNodeId, end=edge.endNodeId, backwards=back))
+        curve = _curve(of_vehicle.trajectory, f"{where}: trajectory of edge {edge.edgeId!r}")
+        edges.append(
+            LayoutEdge(name=edge.edgeId, start=edge.startNodeId, end=edge.endNodeId, backwards=back, curve=curve)
+        )
     marks: dict[str, set[str]] = {"parking": set(), "charger": set()}
     stations = []
     known = {node.nodeId for node in layout.nodes}
@@ -216,6 +233,14 @@ def read_lif(text: str, where: str) -> FloorLayout:
     )
     made = FloorLayout(name=layout.layoutId, nodes=marked, edges=tuple(edges), stations=tuple(stations))
     return checked_layout(made, where)
+
+
+def _curve(trajectory: _Trajectory | None, where: str) -> tuple[tuple[Point, ...], ...]:
+    """The curve of an edge that has one."""
+    if trajectory is None:
+        return ()
+    points = [(point.x, point.y, point.weight) for point in trajectory.controlPoints]
+    return nurbs_lines(trajectory.degree, trajectory.knotVector, points, where)
 
 
 def _use_of(station: _Station, actions: set[str]) -> Use | None:

@@ -2,13 +2,13 @@
 
 import math
 from dataclasses import replace
-from itertools import combinations, pairwise
+from itertools import pairwise
 
 import networkx as nx
 import numpy as np
 import numpy.typing as npt
 import pytest
-from shapely import Polygon, unary_union
+from shapely import Polygon, STRtree, unary_union
 from shapely.geometry.base import BaseGeometry
 
 from maps.free_lanes.graph import FreeLanes, free_lanes
@@ -46,13 +46,13 @@ def check(lanes: FreeLanes) -> None:
         assert np.hypot(*np.diff(path[:, :2], axis=0).T).max() < 0.05
         bend = np.abs(np.diff(path[:, 2])) / np.maximum(np.diff(graph.path_s[bounds[move] : bounds[move + 1]]), 0.01)
         assert np.median(bend) <= 1 / 0.38
-    floors = [swept(path) for path in paths]
-    for i, j in combinations(range(len(paths)), 2):
-        assert cells[i] & cells[j] or not floors[i].intersects(floors[j]), (i, j)
-    for state, pose in enumerate(graph.state_pose):
-        stands = swept(pose[None])
-        for move in range(graph.n_moves):
-            assert state in cells[move] or not stands.intersects(floors[move]), (state, move)
+    floors = [swept(path[np.r_[0 : len(path) : 3, -1]]) for path in paths]
+    tree = STRtree(floors)
+    for i, j in tree.query(floors, predicate="intersects").T.tolist():
+        assert cells[i] & cells[j], (i, j)
+    stands = [swept(pose[None]) for pose in graph.state_pose]
+    for state, move in tree.query(stands, predicate="intersects").T.tolist():
+        assert state in cells[move], (state, move)
 
 
 @pytest.mark.parametrize("name", FLOORS)
