@@ -18,12 +18,13 @@ def loaded(
 ) -> tuple[Floor, Task]:
     """Car 0 stands at pick_1 with the parcel of `a` in its tray, and other orders are known.
 
-    Of these one may be planned for a car that goes for another one before.
+    Of these one may be planned for a car that goes for another one before: `a`, or `z` if it is not car 0.
     """
     floor = Floor(orders=[delivery("a"), *orders], n_tray_places=n_places, **own)  # type: ignore[arg-type]
     task = floor.assigned("a", car=0)
     for order in orders:
-        floor.ready(order.name)  # type: ignore[attr-defined]
+        if order.name != "z":  # type: ignore[attr-defined]
+            floor.ready(order.name)  # type: ignore[attr-defined]
     if planned is not None:
         car, name = planned
         first = task if car == 0 else floor.assigned("z", car=car)
