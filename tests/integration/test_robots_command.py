@@ -80,7 +80,7 @@ def test_what_is_fitted_to_the_husky_is_what_its_file_says(tmp_path: Path, capsy
 @pytest.mark.parametrize(
     ("words", "expected"),
     [
-        (["show", "huskey"], ["robot 'huskey'", "did you mean husky?", "racecar, husky, a1, iiwa"]),
+        (["show", "huskey"], ["robot 'huskey'", "did you mean husky?", "racecar, husky, a1, lifter, iiwa"]),
         (["show"], ["NAME", "missing"]),
         (["show", "husky", "--load", "21"], ["--load is 21", "0 to 20 with husky"]),
         (["show", "iiwa", "--load", "1"], ["--load is 1", "0 to 0 with iiwa"]),
