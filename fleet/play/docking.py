@@ -18,7 +18,7 @@ from fleet.envs.warehouse.control.commands import Commands
 from fleet.envs.warehouse.env import WarehouseEnv, WarehouseEpisode
 from fleet.envs.warehouse.observations import Observer, Told
 from fleet.envs.warehouse.rewards import Rewards, RewardWeights
-from fleet.envs.warehouse.rows import REACH_M
+from fleet.envs.warehouse.rows import NEIGHBOURS_AT, REACH_M, STATION_AT, Rows
 from fleet.envs.warehouse.run.agent_driver import STOP_M, STOP_RAD, AgentCars, AgentDriver
 from fleet.envs.warehouse.run.agent_simulation import AgentSimulation
 from fleet.envs.warehouse.run.breakdowns import BreakdownClock, Breakdowns
@@ -168,11 +168,13 @@ class _Env(WarehouseEnv):
     Args:
         config: How cars see and act.
         simulation: The run.
+        alone: Whether a car sees nobody else, and an arm that is at home, as in the level `dock`.
     """
 
-    def __init__(self, config: WarehouseConfig, simulation: AgentSimulation) -> None:
+    def __init__(self, config: WarehouseConfig, simulation: AgentSimulation, *, alone: bool) -> None:
         super().__init__(config)
         self._run = simulation
+        self._alone = alone
         self._told = np.zeros((simulation.n_cars, N_CAR_ENTRIES))
 
     def look(self) -> dict[str, Any]:
@@ -220,6 +222,15 @@ class _Env(WarehouseEnv):
         in_order = np.ones(len(self._told), dtype=np.bool_)
         told = Told(self._told, nobody, in_order, np.zeros(0, dtype=np.bool_), np.zeros(0), time_left=1.0)
         observer.look(told)
+        if self._alone:
+            self._leave_out_others(observer.car_rows)
+
+    @staticmethod
+    def _leave_out_others(rows: Rows) -> None:
+        """What was learned alone knows nothing of others, and need not: a car that is docked was granted its way."""
+        rows[:, NEIGHBOURS_AT:STATION_AT] = 0.0
+        rows[:, STATION_AT + 1] = 1.0
+        rows[:, STATION_AT + 3] = 0.0
 
 
 class DockingPlayer:
@@ -243,7 +254,8 @@ class DockingPlayer:
         self._policy = played.policy
         self._decisions = played.decisions
         config = docking_config(simulation, played.settings)
-        self._env = _Env(config, cast(AgentSimulation, simulation))
+        alone = played.learned is not None and played.learned.arguments.get("level") == "dock"
+        self._env = _Env(config, cast(AgentSimulation, simulation), alone=alone)
         played.require_fits(self._env)
         self._env.reset(seed=simulation.config.seed)
         self._period = max(1, round(config.step_s / simulation.tick_s))
