@@ -11,7 +11,7 @@ Bools = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Way:
+class ClearWay:
     """A move between two places."""
 
     begin: int
@@ -22,7 +22,7 @@ class Way:
     """Places at which a car would touch it, but for its ends."""
 
 
-def clear_ways(ends: list[tuple[int, int]], touch: Bools, kept: set[int]) -> list[Way]:
+def clear_ways(ends: list[tuple[int, int]], touch: Bools, kept: set[int]) -> list[ClearWay]:
     """Join moves at places in which a car would stand in the way of others, so that nobody stops there.
 
     A car that stands in a place blocks those that want to go there, as on any lane graph. If it blocked others too, two
@@ -37,7 +37,7 @@ def clear_ways(ends: list[tuple[int, int]], touch: Bools, kept: set[int]) -> lis
         Moves between the places that are left, none from a place to itself.
     """
     ways = [
-        Way(begin=begin, end=end, parts=(k,), beside=frozenset(np.flatnonzero(touch[k]).tolist()) - {begin, end})
+        ClearWay(begin=begin, end=end, parts=(k,), beside=frozenset(np.flatnonzero(touch[k]).tolist()) - {begin, end})
         for k, (begin, end) in enumerate(ends)
     ]
     while True:
@@ -49,7 +49,7 @@ def clear_ways(ends: list[tuple[int, int]], touch: Bools, kept: set[int]) -> lis
         ways = _without(ways, int(n_in_the_way.argmax()))
 
 
-def _without(ways: list[Way], place: int) -> list[Way]:
+def _without(ways: list[ClearWay], place: int) -> list[ClearWay]:
     """Moves that lead through a place instead of to it and from there."""
     found = [way for way in ways if place not in (way.begin, way.end)]
     for into in (way for way in ways if way.end == place):
@@ -57,8 +57,10 @@ def _without(ways: list[Way], place: int) -> list[Way]:
             if into.begin != onward.end:
                 beside = (into.beside | onward.beside) - {into.begin, onward.end}
                 joined = into.parts + onward.parts
-                found.append(Way(begin=into.begin, end=onward.end, parts=joined, beside=beside))
+                found.append(ClearWay(begin=into.begin, end=onward.end, parts=joined, beside=beside))
     return [
-        Way(begin=way.begin, end=way.end, parts=way.parts, beside=way.beside - {place}) if place in way.beside else way
+        ClearWay(begin=way.begin, end=way.end, parts=way.parts, beside=way.beside - {place})
+        if place in way.beside
+        else way
         for way in found
     ]

@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from maps.free_lanes.bodies import sampled, touching
-from maps.free_lanes.clear import Way, clear_ways
+from maps.free_lanes.clear import ClearWay, clear_ways
 from maps.free_lanes.lanes import LaneSet, lanes_of_layout
 from maps.free_lanes.line import LaneLine, line_of_curve
 from maps.lane_graph import Floats, LaneGraph, csr
@@ -137,7 +137,7 @@ class _Places:
             way.parts: _joined([(drawn[part][2].points, drawn[part][2].s) for part in way.parts]) for way in ways
         }
         # Of two ways from one place to another a planner knows one.
-        shortest: dict[tuple[int, int], Way] = {}
+        shortest: dict[tuple[int, int], ClearWay] = {}
         for way in sorted(ways, key=lambda way: (line_of[way.parts].length_m, way.parts)):
             shortest.setdefault((way.begin, way.end), way)
         ways = [shortest[ends] for ends in sorted(shortest)]
@@ -200,7 +200,7 @@ class _Places:
 
 def _graph(
     poses: Floats,
-    ways: list[Way],
+    ways: list[ClearWay],
     lines: list[LaneLine],
     number: dict[int, int],
     touch: npt.NDArray[np.bool_],

@@ -31,7 +31,7 @@ _TIGHT = 0.95
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Turn:
+class LaneTurn:
     """The way from one lane into another."""
 
     into: str
@@ -47,7 +47,7 @@ class Lane:
 
     edge: LayoutEdge
     line: LaneLine
-    turns: dict[str, Turn] = field(default_factory=dict)
+    turns: dict[str, LaneTurn] = field(default_factory=dict)
     """By the name of the lane that it leads into."""
 
     @property
@@ -179,7 +179,7 @@ def _add_turns(lanes: dict[str, Lane], radius_m: float) -> None:
                 lane.turns[other.name] = turn
 
 
-def _turn(lane: Lane, other: Lane, radius_m: float) -> Turn | None:
+def _turn(lane: Lane, other: Lane, radius_m: float) -> LaneTurn | None:
     """The turn that is as near to the node as it can be without swinging out much."""
     most = min(FURTHEST_M, lane.line.length_m, other.line.length_m)
     least, found = math.inf, None
@@ -194,7 +194,7 @@ def _turn(lane: Lane, other: Lane, radius_m: float) -> Turn | None:
     if found is None or least > _MOST_COST_M:
         return None
     reach, ends = found
-    return Turn(into=other.name, reach_m=reach, line=dubins_line(*ends, radius_m))
+    return LaneTurn(into=other.name, reach_m=reach, line=dubins_line(*ends, radius_m))
 
 
 def _in_m(lanes: dict[str, Lane], name: str) -> float:
