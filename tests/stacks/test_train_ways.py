@@ -232,7 +232,8 @@ def test_an_anchor_holds_a_policy_near_what_was_cloned(action: Box | Discrete) -
         shown = torch.linspace(-1, 1, 20)[:, None]
         for _ in range(5):
             view = TypeView(rows=np.zeros((256, 1), dtype=np.float32), mask=None, active=np.ones(256, dtype=np.bool_))
-            rows, actions, shares = learner.choose(view, torch.Generator().manual_seed(int(rng.integers(1000))))
+            rows = np.empty_like(view.rows)
+            actions, shares = learner.choose(view, rows, torch.Generator().manual_seed(int(rng.integers(1000))))
             paid = actions if actions.ndim == 1 else actions[:, 0]  # the larger, the better
             rollout = rollout_of(rows[None], actions=actions[None], rewards=paid[None])
             rollout.log_shares = shares[None]
