@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -58,9 +58,4 @@ def _without(ways: list[ClearWay], place: int) -> list[ClearWay]:
                 beside = (into.beside | onward.beside) - {into.begin, onward.end}
                 joined = into.parts + onward.parts
                 found.append(ClearWay(begin=into.begin, end=onward.end, parts=joined, beside=beside))
-    return [
-        ClearWay(begin=way.begin, end=way.end, parts=way.parts, beside=way.beside - {place})
-        if place in way.beside
-        else way
-        for way in found
-    ]
+    return [replace(way, beside=way.beside - {place}) if place in way.beside else way for way in found]
