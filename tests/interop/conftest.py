@@ -44,14 +44,15 @@ class Process:
             for line in self._process.stdout:
                 self._lines.put(line.rstrip("\n"))
 
-    def line(self, begin: str, runs: Callable[[], bool] | None = None) -> str:
+    def line(self, begin: str, runs: Callable[[], bool] | None = None, *, most_s: float = PATIENCE_S) -> str:
         """Wait for a line that begins so; returns the rest of it.
 
         Args:
             begin: What it begins with.
-            runs: Whether what it talks to still runs, which then bounds the wait; None = two minutes do.
+            runs: Whether what it talks to still runs, which then bounds the wait; None = `most_s` does.
+            most_s: Wall time after which to give up [s].
         """
-        until = time.monotonic() + PATIENCE_S
+        until = time.monotonic() + most_s
         while runs() if runs is not None else time.monotonic() < until:
             try:
                 self.said.append(self._lines.get(timeout=0.5))
