@@ -15,7 +15,7 @@ from fleet.proving.vehicles import TICK_S, VEHICLES
 from fleet.robots import CARS, CarModels
 from fleet.robots.differential import SkidChassis
 from fleet.robots.twist import TWIST_ROBOTS
-from fleet.world.bullet.cars import Cars
+from fleet.world.bullet.cars import Cars, CarSteps
 from fleet.world.bullet.vehicles.floor import BareFloor, load_on_floor
 from fleet.world.bullet.vehicles.legged import Legged
 from fleet.world.bullet.vehicles.skid_steered import SkidSteered
@@ -118,7 +118,9 @@ def _step_s(name: str, n_robots: int) -> float:
     if name == "racecar":
         entry = CARS[name]
         models = CarModels.alike(entry.spec(), n_robots)
-        robots = Cars(floor.client, models, start, (entry.urdf("sphere"),), floor.step_s)
+        robots = Cars(
+            floor.client, models, start, (entry.urdf("sphere"),), CarSteps(length_s=floor.step_s, tick_s=TICK_S)
+        )
     elif isinstance(chassis := TWIST_ROBOTS[name]().chassis, SkidChassis):
         robots = SkidSteered(floor.client, chassis, start)
     else:

@@ -21,7 +21,7 @@ from fleet.robots.twist.follower import TwistFollower
 from fleet.robots.twist.inertial import InertialEstimator
 from fleet.robots.twist.motion import TwistMotion
 from fleet.robots.twist.spec import TwistSpec
-from fleet.world.bullet.cars import Cars
+from fleet.world.bullet.cars import Cars, CarSteps
 from fleet.world.bullet.engine.client import Client
 from fleet.world.bullet.vehicles.floor import BareFloor, load_on_floor
 from fleet.world.bullet.vehicles.legged import Legged
@@ -179,7 +179,8 @@ class PhysicalCar:
         spec = entry.spec()
         self._n_steps = round(TICK_S / floor.step_s)
         models = CarModels.alike(spec, 1)
-        self._cars = Cars(floor.client, models, np.zeros((1, 3)), (entry.urdf("sphere"),), floor.step_s)
+        steps = CarSteps(length_s=floor.step_s, tick_s=TICK_S)
+        self._cars = Cars(floor.client, models, np.zeros((1, 3)), (entry.urdf("sphere"),), steps)
         if load_kg:
             place = np.array([spec.tray_x_m, 0.0, spec.tray_floor_z_m + _PARCEL_M[2] / 2 + 0.002])
             floor.add_box(np.array(_PARCEL_M), load_kg, place, _PARCEL_FRICTION)

@@ -35,7 +35,7 @@ A speed within `dead_band` brakes. With `tip` the tool points down. A grip close
 to for `hold_s` without a break; then it stays open for twice as long. A plan is played at its pace as far as no joint
 exceeds its speed limit; accelerations grow with the square of the pace, up to what the motors can.
 
-A racecar's wheelbase is 0.325 m: at a steering angle s its rear axle turns by speed * tan(s) / 0.325 m.
+The usual car has a wheelbase of 0.325 m: at a steering angle s its rear axle turns by speed * tan(s) / 0.325 m.
 
 A car does what its task asks for when it follows the granted path, which the observed way-points show, and stands at
 its end: within `stop_m` and `stop_rad` of the dock's stop pose a transfer begins. A car that leaves its path makes no

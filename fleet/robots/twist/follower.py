@@ -79,7 +79,8 @@ class TwistFollower:
 
     Attributes:
         progress: Arc length reached [m]; never decreases, shape (n,).
-        cross_track: Signed distance to the path, positive = robot left of it as its nose points [m], shape (n,).
+        cross_track: Signed distance to the path, positive = robot left of it as its nose points [m], shape (n,); in
+            turns on the spot that to the spot.
         heading_error: Yaw minus the path's yaw [rad] in [-pi, pi], shape (n,); 0 in turns on the spot.
         standing: True where the robot was told to stand at its stop, shape (n,).
         braked: True where a standing robot has its brake on: little that is measured wakes it, shape (n,).
@@ -362,8 +363,8 @@ def _turn(
         left += 2.0 * math.pi
     per_rad = (s[last] - s[k]) / angle
     done = min(max(1.0 - left / angle, 0.0), 1.0)
-    state.cross_track[i] = 0.0
-    state.heading_error[i] = 0.0
+    state.cross_track[i] = math.hypot(pose[0] - points[k, 0], pose[1] - points[k, 1])
+    state.heading_error[i] = 0.0  # all headings are on the way of a turn
     paths.progress[i] = max(paths.progress[i], s[k] + done * (s[last] - s[k]))
     rise, fall, turn = limits.accel * g.tick_s, limits.brake * g.tick_s, limits.yaw_accel * g.tick_s
     ends = stop_s >= s[last]
@@ -379,7 +380,8 @@ def _turn(
         return
     state.standing[i] = False
     ahead = (points[k, 0] - pose[0]) * math.cos(pose[2]) + (points[k, 1] - pose[1]) * math.sin(pose[2])
-    back = min(max(g.hold_per_s * ahead, -g.hold_mps), g.hold_mps)
+    most_back = min(g.hold_mps, speed_cap)
+    back = min(max(g.hold_per_s * ahead, -most_back), most_back)
     last_command[0] = _ramped(back, last_command[0], rise, fall)
     brake = g.brake_fraction * limits.yaw_accel
     rim = max(min(limits.rim, speed_cap) - abs(last_command[0]), 0.0)

@@ -15,15 +15,13 @@ _OWN = "our own description"
 
 ROLLERS = ("left_roller", "right_roller")
 """What drives it, as the Husky's; each spins in the joint ``<link>_spin``, forward where positive."""
-PLATE = "plate"
-"""Link that is lifted ..."""
 LIFT = "lift"
-"""... by this joint, upwards from 0."""
+"""Joint that lifts the plate, upwards from 0."""
 LIFT_M = 0.05
 """Stroke of the lift [m]."""
 LIFT_MPS = 0.02
 """Its speed [m/s]."""
-LIFT_N = 6000.0
+LIFT_FORCE_N = 6000.0
 """Most force of its motor [N]."""
 
 _BODY_M = (0.75, 0.60, 0.20)
@@ -46,13 +44,11 @@ SKID = SkidSteer(separation_m=2 * _ROLLER_Y_M, multiplier=1.0, contact_track_m=2
 
 POD_MASS_KG = 100.0
 """A pod with what lies in it [kg]."""
-POD_FLOOR_M = 0.32
-"""Underside of its lowest shelf above the floor: 2 cm above a plate that is down [m]."""
 POD_M = (0.90, 0.90)
 """Length and width of a pod."""
 _POD_LEG_M = 0.04
 _SHELVES_M = (0.34, 0.74, 1.14, 1.54)
-"""Middles of the shelves above the floor."""
+"""Middles of the shelves above the floor; the underside of the lowest is 2 cm above a plate that is down."""
 _SHELF_M = 0.04
 _POD_COM_Z_M = 0.85
 
@@ -153,7 +149,7 @@ def lifter_urdf() -> str:
         plate_xyz=spaced((0.0, 0.0, _PLATE_Z_M)),
         plate=solid_box(_PLATE_M, (0.0, 0.0, 0.0), "plate"),
         lift_m=LIFT_M,
-        lift_n=LIFT_N,
+        lift_force_n=LIFT_FORCE_N,
         lift_mps=LIFT_MPS,
     )
 

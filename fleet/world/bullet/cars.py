@@ -122,6 +122,18 @@ class _Memory:
         )
 
 
+@dataclass(frozen=True, kw_only=True)
+class CarSteps:
+    """How the motors of cars are told what to do."""
+
+    length_s: float
+    """Length of a physics step [s]."""
+    tick_s: float
+    """Time between two commands [s]."""
+    limit_share: float = 1.0
+    """Part of their limits that motors are given; see `BulletConfig`."""
+
+
 class Cars:
     """The cars of one world.
 
@@ -130,11 +142,9 @@ class Cars:
         models: Models of the cars.
         start: Poses x, y, yaw, shape (n, 3).
         urdfs: Text of each model's description.
-        substep_s: Length of a physics step [s].
-        tick_s: Time between two commands [s].
+        steps: Physics steps, ticks and limits of motors.
         brakes: Standing cars are held where they are. Costs an eighth of a physics step, as the engine looks at all
             constraints, of moving cars too. Without it they creep (`BulletConfig.residual`).
-        limit_share: Part of their limits that motors are given; see `BulletConfig`.
     """
 
     def __init__(
@@ -143,15 +153,13 @@ class Cars:
         models: CarModels,
         start: FloatArray,
         urdfs: Sequence[str],
-        substep_s: float,
+        steps: CarSteps,
         *,
-        tick_s: float = 1 / 60,
         brakes: bool = True,
-        limit_share: float = 1.0,
     ) -> None:
         self._client = client
-        self._substep_s = substep_s
-        self._motors = [_limited(kind.motors, limit_share) for kind in models.kinds]
+        self._substep_s = steps.length_s
+        self._motors = [_limited(kind.motors, steps.limit_share) for kind in models.kinds]
         self._urdfs, self._has_brakes = urdfs, brakes
         kinds = models.kind_of.tolist()
         self.bodies: list[int] = [self._load(kind, pose) for kind, pose in zip(kinds, start, strict=True)]
@@ -182,7 +190,7 @@ class Cars:
         for kind, body in zip(kinds, self.bodies, strict=True):
             self._equip(kind, body)
         self._know(models)
-        self._packs = self._packs_of(models, tick_s)
+        self._packs = self._packs_of(models, steps.tick_s)
 
     def _know(self, models: CarModels) -> None:
         """Keep what the models say of each car."""

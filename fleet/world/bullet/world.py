@@ -16,7 +16,7 @@ from fleet.robots import CARS
 from fleet.sensors.camera import Camera, CameraImage
 from fleet.world.bullet.arms import Arms, MotorSteps
 from fleet.world.bullet.camera import render
-from fleet.world.bullet.cars import CarBodyMotion, CarReading, Cars
+from fleet.world.bullet.cars import CarBodyMotion, CarReading, Cars, CarSteps
 from fleet.world.bullet.clearance import Clearance, Moment
 from fleet.world.bullet.contacts import ContactMonitor
 from fleet.world.bullet.engine import groups
@@ -117,10 +117,8 @@ class BulletWorld:
                     scene.cars,
                     scene.car_start,
                     urdfs if config.visuals else [without_visuals(urdf) for urdf in urdfs],
-                    call_s,
-                    tick_s=config.tick_s,
+                    CarSteps(length_s=call_s, tick_s=config.tick_s, limit_share=config.limit_share),
                     brakes=not at_once,
-                    limit_share=config.limit_share,
                 )
                 self._arms = Arms(
                     client,

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from fleet.robots.twist.lifter import LIFT, LIFT_M, LIFT_MPS, LIFT_N
+from fleet.robots.twist.lifter import LIFT, LIFT_FORCE_N, LIFT_M, LIFT_MPS
 from fleet.world.bullet.engine.client import Client
 
-_HOLD_N = 6000.0
+_HOLD_FORCE_N = 6000.0
 """Force with which a load is held on the plate: more than its weight and its inertia."""
 
 
@@ -49,7 +49,9 @@ class Lift:
         plate, turn = client.getLinkState(self._body, self.plate, computeForwardKinematics=1)[:2]
         load, load_turn = client.getBasePositionAndOrientation(self._load)
         place, quat = client.multiplyTransforms(*client.invertTransform(load, load_turn), plate, turn)
-        client.changeConstraint(self._hold, jointChildPivot=place, jointChildFrameOrientation=quat, maxForce=_HOLD_N)
+        client.changeConstraint(
+            self._hold, jointChildPivot=place, jointChildFrameOrientation=quat, maxForce=_HOLD_FORCE_N
+        )
 
     def let_go(self) -> None:
         """Hold the load no longer."""
@@ -66,6 +68,6 @@ class Lift:
             self.plate,
             self._client.POSITION_CONTROL,
             targetPosition=height_m,
-            force=LIFT_N,
+            force=LIFT_FORCE_N,
             maxVelocity=LIFT_MPS,
         )

@@ -101,6 +101,17 @@ def test_a_stop_may_lie_in_a_turn() -> None:
     assert commands[-1].tolist() == [0.0, 0.0]
 
 
+def test_a_robot_that_is_pushed_while_it_turns_is_off_its_path_by_how_far_it_is_from_the_spot() -> None:
+    _, _, follower, _ = follow(chain(("turn", 2.0)), start=(0.3, 0.4, 0.0), time_s=TICK_S)
+    assert follower.cross_track[0] == pytest.approx(0.5)
+
+
+def test_a_robot_beside_its_spot_that_is_told_to_stand_stands() -> None:
+    poses, commands, _, _ = follow(chain(("turn", 2.0)), start=(0.3, 0.0, 0.0), cap=0.0, time_s=1.0)
+    assert not commands.any()
+    np.testing.assert_array_equal(poses[-1], [0.3, 0.0, 0.0])
+
+
 def test_it_drives_in_reverse_and_errors_die_out_there_too() -> None:
     points, s = straight(np.zeros(3), 3.0)
     back = points.copy()
