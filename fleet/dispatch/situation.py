@@ -172,8 +172,8 @@ def _when_free(
     at_docks_s = np.where(unloading, left_s[drop], np.where(carried, mean_s[drop], load_s + mean_s[drop]))
     state[cars] = stations.dock_states[drop]
     free_s[cars] = np.where(moves < UNREACHABLE, moves * STEP_S + at_docks_s, np.inf)
-    for car, aboard in enumerate(missions.aboard):
-        arms = [stations.named(task.delivery.drop).arm for task in aboard]
+    for car in [car for car, aboard in enumerate(missions.aboard) if aboard]:
+        arms = [stations.named(task.delivery.drop).arm for task in missions.aboard[car]]
         while arms and np.isfinite(free_s[car]):
             moves_to = {arm: ways.between(int(state[car]), int(stations.dock_states[arm])) for arm in sorted(arms)}
             arm = min(moves_to, key=lambda arm: moves_to[arm])
