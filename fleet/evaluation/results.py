@@ -14,6 +14,7 @@ from fleet.evaluation.errors import EvaluationError
 from fleet.evaluation.players import Player
 from fleet.evaluation.scenarios import scenario_named
 from fleet.evaluation.scores import SplitScores
+from fleet.whole_file import write_whole
 from maps.reading.text_file import read_json
 
 FORMAT = 1
@@ -60,7 +61,7 @@ class ResultsFile:
         self.scores.append(scores)
         if self._path is not None:
             played, found = _lines(self.scores), _lines(findings(self.scores))
-            write_whole(self._path, f'{{"format": {FORMAT},\n"scores": [\n{played}\n],\n"findings": [\n{found}\n]}}\n')
+            write_result(self._path, f'{{"format": {FORMAT},\n"scores": [\n{played}\n],\n"findings": [\n{found}\n]}}\n')
 
 
 def require_writable(path: Path) -> None:
@@ -73,16 +74,14 @@ def require_writable(path: Path) -> None:
         raise EvaluationError(f"{path} cannot be written; valid: a file in a folder that is there and can be written")
 
 
-def write_whole(path: Path, text: str) -> None:
+def write_result(path: Path, text: str) -> None:
     """Write a file, whole or not at all.
 
     Raises:
         EvaluationError: It cannot be written.
     """
-    part = path.with_name(f".{path.name}.part")
     try:
-        part.write_text(text, encoding="utf-8")
-        part.replace(path)
+        write_whole(path, text)
     except OSError as reason:
         raise EvaluationError(f"{path}: {reason.strerror}; valid: a file that can be written") from reason
 

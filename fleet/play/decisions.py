@@ -9,6 +9,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from fleet.whole_file import write_whole
+
 
 @dataclass(kw_only=True)
 class Decisions:
@@ -59,7 +61,5 @@ class Decisions:
 
 def write_decisions(path: Path, decisions: Mapping[str, Decisions]) -> None:
     """Write the figures of all layers, whole or not at all."""
-    part = path.with_name(f".{path.name}.part")
     told = {layer: one.told() for layer, one in decisions.items()}
-    part.write_text(json.dumps(told, indent=2) + "\n", encoding="utf-8")
-    part.replace(path)
+    write_whole(path, json.dumps(told, indent=2) + "\n")

@@ -14,6 +14,7 @@ from fleet.play.policies import LearnedRun
 from fleet.training.errors import TrainingError
 from fleet.training.evaluation import Score, play
 from fleet.training.recipes import RECIPES
+from fleet.whole_file import write_whole
 
 EPISODES = "episodes.csv"
 RERUN = "rerun"
@@ -72,9 +73,7 @@ def write_episodes(folder: Path, scores: Mapping[str, Sequence[Score]], seeds: S
         for seed, score in zip(seeds, played, strict=True):
             table.writerow([policy, seed, *(f"{score[name]:.6g}" for name in names)])
     folder.mkdir(parents=True, exist_ok=True)
-    part = folder / f".{EPISODES}.part"
-    part.write_text(text.getvalue(), encoding="utf-8")
-    part.replace(folder / EPISODES)
+    write_whole(folder / EPISODES, text.getvalue())
 
 
 def _made(run: LearnedRun, arguments: Mapping[str, Any]) -> Any:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import zipfile
 import zlib
 from collections.abc import Mapping, Sequence
@@ -16,6 +17,7 @@ from gymnasium.spaces import Discrete
 from fleet.envs.policies.policy import Policy
 from fleet.training.batch import AgentType, agent_types, mask_of, type_of, vector
 from fleet.training.errors import TrainingError
+from fleet.whole_file import write_whole
 
 _NAMES = ("rows", "mask", "actions")
 _DAMAGED = (OSError, ValueError, TypeError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error)
@@ -62,10 +64,9 @@ def write_demonstrations(path: Path, told: Mapping[str, Demonstration]) -> None:
         arrays |= {f"{kind}_rows": one.rows, f"{kind}_actions": one.actions}
         if one.mask is not None:
             arrays[f"{kind}_mask"] = one.mask
-    part = path.with_name(f".{path.name}.part")
-    with part.open("wb") as file:
-        np.savez_compressed(file, allow_pickle=False, **arrays)
-    part.replace(path)
+    content = io.BytesIO()
+    np.savez_compressed(content, allow_pickle=False, **arrays)
+    write_whole(path, content.getvalue())
 
 
 def read_demonstrations(path: Path) -> dict[str, Demonstration]:

@@ -18,6 +18,7 @@ from fleet.training.evaluation import AGENT_MINUTES, RETURN, Score
 from fleet.training.intervals import difference, interval
 from fleet.training.recipes import TrainingStage
 from fleet.training.settings import TrainConfig
+from fleet.whole_file import write_whole
 
 CONFIG, PROGRESS, EPISODES, EVALUATION, PLOT, RECORDING = (
     "config.json",
@@ -56,12 +57,12 @@ def prepare_folder(folder: Path, *, resume: bool) -> None:
 def write_config(folder: Path, config: TrainConfig, stages: Sequence[TrainingStage]) -> None:
     """Write what decides the run, the stages of its recipe, and the versions it ran with."""
     content = {**dataclasses.asdict(config), "stages": list(map(dataclasses.asdict, stages)), "versions": versions()}
-    _write(folder / CONFIG, json.dumps(content, indent=2) + "\n")
+    write_whole(folder / CONFIG, json.dumps(content, indent=2) + "\n")
 
 
 def write_progress(folder: Path, rows: Sequence[Mapping[str, float]]) -> None:
     """Write the table of all updates so far; what an interrupted run wrote after its last checkpoint goes."""
-    _write(folder / PROGRESS, _lines(rows, head=True) if rows else "")
+    write_whole(folder / PROGRESS, _lines(rows, head=True) if rows else "")
 
 
 def append_progress(folder: Path, row: Mapping[str, float]) -> None:
@@ -87,7 +88,7 @@ def write_episodes(folder: Path, scores: Mapping[str, Sequence[Score]], seeds: S
     for policy, played in scores.items():
         for seed, score in zip(seeds, played, strict=True):
             table.writerow([policy, seed, *(f"{score[name]:.6g}" for name in names)])
-    _write(folder / EPISODES, text.getvalue())
+    write_whole(folder / EPISODES, text.getvalue())
 
 
 def findings(scores: Mapping[str, Sequence[Score]], figures: Sequence[str]) -> dict[str, Any]:
@@ -118,7 +119,7 @@ def findings(scores: Mapping[str, Sequence[Score]], figures: Sequence[str]) -> d
 
 def write_evaluation(folder: Path, found: Mapping[str, Any], *, cpu_s: float) -> None:
     """Write the findings, and what the learning took [s of the processor]."""
-    _write(folder / EVALUATION, json.dumps({**found, "train_cpu_s": round(cpu_s, 1)}, indent=2) + "\n")
+    write_whole(folder / EVALUATION, json.dumps({**found, "train_cpu_s": round(cpu_s, 1)}, indent=2) + "\n")
 
 
 def _lines(rows: Sequence[Mapping[str, float]], *, head: bool) -> str:
@@ -128,10 +129,3 @@ def _lines(rows: Sequence[Mapping[str, float]], *, head: bool) -> str:
     table.writerows([rows[0]] if head else [])
     table.writerows(["" if math.isnan(value) else f"{value:.6g}" for value in row.values()] for row in rows)
     return text.getvalue()
-
-
-def _write(path: Path, text: str) -> None:
-    """Write a file, whole or not at all."""
-    part = path.with_name(f".{path.name}.part")
-    part.write_text(text, encoding="utf-8")
-    part.replace(path)

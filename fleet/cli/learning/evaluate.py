@@ -47,7 +47,7 @@ class Evaluate:
         """Play, compare and print; returns the exit status."""
         # The environments take a second to load: only for runs, not for --help.
         from fleet.evaluation.baselines import page
-        from fleet.evaluation.results import ResultsFile, require_writable, write_whole
+        from fleet.evaluation.results import ResultsFile, require_writable, write_result
         from fleet.evaluation.scenarios import MOST_EPISODES, SCENARIOS
 
         episodes_ok = 1 <= self.episodes <= MOST_EPISODES
@@ -67,7 +67,7 @@ class Evaluate:
             _show(console, results, turns)
         else:
             beside = os.path.relpath(path or self.table, self.table.parent)
-            write_whole(self.table, page(results.scores, beside))
+            write_result(self.table, page(results.scores, beside))
             console.print(f"baselines: {self.table}", soft_wrap=True)
         return DONE
 

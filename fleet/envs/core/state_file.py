@@ -22,6 +22,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fleet.errors import FleetError
+from fleet.whole_file import write_whole
 from maps.reading.shown import shown
 
 _PACKAGES = ("fleet.config.", "fleet.envs.", "fleet.sensors.", "maps.")
@@ -45,10 +46,8 @@ def write_state(path: Path, told: Mapping[str, Any]) -> None:
         StateError: The file cannot be written, or a value is of a kind that no file holds.
     """
     text = json.dumps({name: plain(value) for name, value in told.items()}).encode()
-    part = path.with_name(f".{path.name}.part")
     try:
-        part.write_bytes(sha256(text).hexdigest().encode() + b"\n" + text)
-        part.replace(path)
+        write_whole(path, sha256(text).hexdigest().encode() + b"\n" + text)
     except OSError as reason:
         raise StateError(f"saved state {path}: {reason}; valid: a file that can be written") from reason
 

@@ -2,25 +2,23 @@
 
 from __future__ import annotations
 
-import os
+import io
 from pathlib import Path
 from typing import Any
 
 import torch
 
 from fleet.training.errors import TrainingError
+from fleet.whole_file import write_whole
 
 _FORMAT = 2
 
 
 def write_checkpoint(path: Path, content: dict[str, Any]) -> None:
     """Write a checkpoint, whole or not at all."""
-    part = path.with_name(f".{path.name}.part")
-    with part.open("wb") as file:
-        torch.save({"format": _FORMAT, **content}, file)
-        file.flush()
-        os.fsync(file.fileno())
-    part.replace(path)
+    written = io.BytesIO()
+    torch.save({"format": _FORMAT, **content}, written)
+    write_whole(path, written.getvalue())
 
 
 def read_checkpoint(path: Path) -> dict[str, Any]:
