@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from importlib.resources import files
 from string import Template
 
@@ -38,3 +38,38 @@ def solid_box(size: Sequence[float], xyz: Sequence[float], material: str) -> str
     """A box that is drawn and collides."""
     shape = box(size, xyz)
     return f'    <visual>{shape}<material name="{material}"/></visual>\n    <collision>{shape}</collision>'
+
+
+def rollers(
+    names: tuple[str, str], *, half_track_m: float, radius_m: float, friction: float, mass_kg: float, inertia: float
+) -> str:
+    """Spheres on the left and the right of the middle, on which a robot that turns on the spot rolls.
+
+    Args:
+        names: Of the left and the right link.
+        half_track_m: Distance of each from the middle [m].
+        radius_m: Radius [m].
+        friction: Coefficient of friction.
+        mass_kg: Mass of each [kg].
+        inertia: Moment of inertia of each about any axis [kg m^2].
+    """
+    return "".join(
+        fill(
+            "husky_roller",
+            name=name,
+            friction=friction,
+            mass=mass_kg,
+            inertia=inertia,
+            radius=radius_m,
+            xyz=spaced((0.0, side * half_track_m, radius_m)),
+        )
+        for name, side in zip(names, (1.0, -1.0), strict=True)
+    )
+
+
+def supports(places_m: Iterable[Sequence[float]], radius_m: float) -> str:
+    """Spheres at some places, on which it leans."""
+    return "\n".join(
+        f'    <collision><origin xyz="{spaced(place)}"/><geometry><sphere radius="{radius_m}"/></geometry></collision>'
+        for place in places_m
+    )

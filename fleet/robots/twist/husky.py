@@ -9,7 +9,7 @@ import numpy as np
 import pybullet_data
 
 from fleet.arrays import FloatArray
-from fleet.robots.description import fill, solid_box, spaced
+from fleet.robots.description import fill, rollers, solid_box, spaced, supports
 from fleet.robots.differential import SkidChassis, SkidSteer, TwistLimits, TwistResponse
 from fleet.robots.spec import Visual, visual
 from fleet.robots.tray import TRAY_RGBA, Tray, Triple
@@ -140,18 +140,6 @@ def husky_urdf() -> str:
     even; what skidding costs is in `SKID`. The wheels that are seen do not spin: four joints less are half the price.
     """
     meshes = _meshes().as_posix()
-    rollers = [
-        fill(
-            "husky_roller",
-            name=name,
-            friction=_ROLLER_FRICTION,
-            mass=_ROLLER_MASS_KG,
-            inertia=_ROLLER_INERTIA,
-            radius=WHEEL_RADIUS_M,
-            xyz=spaced((0.0, side * _WHEEL_Y_M, WHEEL_RADIUS_M)),
-        )
-        for name, side in zip(ROLLERS, (1.0, -1.0), strict=True)
-    ]
     com, inertia = _base()
     places = wheel_places()
     return fill(
@@ -172,12 +160,15 @@ def husky_urdf() -> str:
             '<material name="tyre"/></visual>'
             for place in places.tolist()
         ),
-        supports="\n".join(
-            f'    <collision><origin xyz="{spaced(place)}"/><geometry><sphere radius="{WHEEL_RADIUS_M - _RAISED_M}"/>'
-            "</geometry></collision>"
-            for place in places.tolist()
+        supports=supports(places.tolist(), WHEEL_RADIUS_M - _RAISED_M),
+        rollers=rollers(
+            ROLLERS,
+            half_track_m=_WHEEL_Y_M,
+            radius_m=WHEEL_RADIUS_M,
+            friction=_ROLLER_FRICTION,
+            mass_kg=_ROLLER_MASS_KG,
+            inertia=_ROLLER_INERTIA,
         ),
-        rollers="".join(rollers),
     )
 
 

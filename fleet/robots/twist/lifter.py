@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fleet.robots.description import fill, solid_box, spaced
+from fleet.robots.description import fill, rollers, solid_box, spaced, supports
 from fleet.robots.differential import SkidChassis, SkidSteer, TwistLimits, TwistResponse
 from fleet.robots.spec import Visual, visual
 from fleet.robots.tray import Triple
@@ -113,19 +113,6 @@ def lifter_spec() -> TwistSpec:
 
 def lifter_urdf() -> str:
     """Write the description: a box on two rollers and four supports without friction, as the Husky's, and a lift."""
-    rollers = [
-        fill(
-            "husky_roller",
-            name=name,
-            friction=_ROLLER_FRICTION,
-            mass=_ROLLER_MASS_KG,
-            inertia=round(0.4 * _ROLLER_MASS_KG * _ROLLER_RADIUS_M**2, 6),
-            radius=_ROLLER_RADIUS_M,
-            xyz=spaced((0.0, side * _ROLLER_Y_M, _ROLLER_RADIUS_M)),
-        )
-        for name, side in zip(ROLLERS, (1.0, -1.0), strict=True)
-    ]
-    radius = _ROLLER_RADIUS_M - _RAISED_M
     places = [(x, y, _ROLLER_RADIUS_M) for x in (_SUPPORT_X_M, -_SUPPORT_X_M) for y in (_SUPPORT_Y_M, -_SUPPORT_Y_M)]
     ixx, iyy, izz = _box_inertia(_BODY_MASS_KG, _BODY_M)
     plate_ixx, plate_iyy, plate_izz = _box_inertia(_PLATE_MASS_KG, _PLATE_M)
@@ -137,11 +124,15 @@ def lifter_urdf() -> str:
         iyy=iyy,
         izz=izz,
         body=solid_box(_BODY_M, (0.0, 0.0, _BODY_Z_M), "body"),
-        supports="\n".join(
-            f'    <collision><origin xyz="{place}"/><geometry><sphere radius="{radius}"/></geometry></collision>'
-            for place in map(spaced, places)
+        supports=supports(places, _ROLLER_RADIUS_M - _RAISED_M),
+        rollers=rollers(
+            ROLLERS,
+            half_track_m=_ROLLER_Y_M,
+            radius_m=_ROLLER_RADIUS_M,
+            friction=_ROLLER_FRICTION,
+            mass_kg=_ROLLER_MASS_KG,
+            inertia=round(0.4 * _ROLLER_MASS_KG * _ROLLER_RADIUS_M**2, 6),
         ),
-        rollers="".join(rollers),
         plate_mass=_PLATE_MASS_KG,
         plate_ixx=plate_ixx,
         plate_iyy=plate_iyy,
