@@ -85,6 +85,8 @@ NO_WAIT = frozenset({Cause.DRIVES, Cause.SETS_OFF, Cause.WORKS})
 """Causes of robots that nothing keeps."""
 OWN = NO_WAIT | {Cause.CHARGES, Cause.VISITS, Cause.NO_TASK, Cause.FAULT, Cause.SERVED}
 """Causes of robots that are not kept from what they are about, and of those that are about nothing."""
+HOLDS_UP = np.array([cause not in OWN for cause in Cause])
+"""Whether each cause keeps a robot from what it is about, shape (n_causes,)."""
 WITHOUT_TASK = frozenset({Cause.NO_TASK, Cause.CHARGER})
 """Causes that say what keeps a robot from having a task, and nothing of what keeps it where it is: whoever waits until
 it is out of the way waits for itself alone."""

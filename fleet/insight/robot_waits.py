@@ -9,12 +9,11 @@ import numpy as np
 
 from fleet.arrays import BoolArray
 from fleet.insight.cause_log import ROBOT, TICK, CauseLog
-from fleet.insight.causes import OWN, Cause, Column
+from fleet.insight.causes import HOLDS_UP, Column
 from fleet.insight.codebook import Codebook
 
 LEAST_S = 1.0
 """Shorter waits are in the sums, but not in the list [s]."""
-_WAITS = np.array([cause not in OWN for cause in Cause])
 _FIRST = 2
 """Column of a change of causes at which those of `Column` begin."""
 
@@ -50,7 +49,7 @@ def waits(log: CauseLog, codebook: Codebook) -> Iterator[RobotWait]:
     for robot, begin, end in zip(codebook.robots, firsts[:-1].tolist(), firsts[1:].tolist(), strict=True):
         changes = by_robot[begin:end]
         ends = np.append(changes[1:, TICK], log.end_tick)
-        waiting = _WAITS[changes[:, _FIRST + Column.CAUSE]]
+        waiting = HOLDS_UP[changes[:, _FIRST + Column.CAUSE]]
         for first, last in _stretches(waiting):
             from_tick, to_tick = int(changes[first, TICK]), int(ends[last - 1])
             if (to_tick - from_tick) * codebook.tick_s < LEAST_S:

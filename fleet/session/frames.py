@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fleet.config import Perception
-from fleet.insight.causes import NONE, OWN, Cause, Column
+from fleet.insight.causes import HOLDS_UP, NONE, Cause, Column
 from fleet.insight.explain import Explainer, explain
 from fleet.insight.figures import Figures
 from fleet.insight.robot_waits import longest_wait
@@ -55,8 +55,6 @@ CONGESTION = {
 _GROUP_OF = np.full(len(Cause), -1)
 for _number, _causes in enumerate(CONGESTION.values()):
     _GROUP_OF[list(_causes)] = _number
-_HOLDS_UP = np.array([cause not in OWN for cause in Cause])
-"""Whether a cause keeps a robot from what it is about."""
 _WORDS = tuple(account.words for account in Account)
 _WAITS = np.array([account in WAITING for account in Account])
 _CLEARANCE_M = 2.0
@@ -297,7 +295,7 @@ class Watch:
         run = self._run
         rows, codebook = self._figures.causes.rows, self._figures.codebook
         names = codebook.robots
-        waiting = np.flatnonzero(_HOLDS_UP[rows[:, Column.CAUSE]]).tolist()
+        waiting = np.flatnonzero(HOLDS_UP[rows[:, Column.CAUSE]]).tolist()
         # An arm that awaits a car is told of, but holds nobody up.
         waits = tuple(
             self._wait(names[robot], rows[robot].tolist())
