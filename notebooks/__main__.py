@@ -5,9 +5,12 @@ from __future__ import annotations
 import argparse
 import importlib.util
 import re
+import signal
 import sys
+import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -71,7 +74,8 @@ def execute(path: Path) -> Any:
     local = Config({"KernelManager": {"transport": "ipc"}})
     client = NotebookClient(notebook, config=local, timeout=CELL_TIMEOUT_S, kernel_name=KERNEL, resources=resources)
     try:
-        client.execute()
+        with _own_signals():
+            client.execute()
     except CellExecutionError as error:
         number, lines = _failure(notebook)
         raise NotebookError("\n".join((f"{path}, cell {number}: {error.ename}: {error.evalue}", *lines))) from error
@@ -85,6 +89,22 @@ def execute(path: Path) -> Any:
             if output.get("name") == "stderr":
                 raise NotebookError(f"{path}, cell {k}: stderr has {output.text.strip()!r}; valid: none")
     return notebook
+
+
+@contextmanager
+def _own_signals() -> Iterator[None]:
+    """Ctrl-C works afterwards as before: a kernel that does not start leaves it to an event loop that has ended."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    woken = signal.set_wakeup_fd(-1)
+    try:
+        yield
+    finally:
+        signal.set_wakeup_fd(woken)
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def render(path: Path, out: Path) -> Path:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import _thread
 import signal
 import sys
 import threading
@@ -46,12 +45,17 @@ def interrupts_kept() -> Iterator[None]:
     """
     complain = sys.unraisablehook
     again: list[threading.Timer] = []
+    main = threading.main_thread().ident
+
+    def raise_again() -> None:
+        if main is not None:
+            signal.pthread_kill(main, signal.SIGINT)  # a signal also wakes what sleeps or waits
 
     def hear(unraisable: sys.UnraisableHookArgs) -> None:
         if not issubclass(unraisable.exc_type, KeyboardInterrupt):
             complain(unraisable)
             return
-        again.append(threading.Timer(_AGAIN_S, _thread.interrupt_main))
+        again.append(threading.Timer(_AGAIN_S, raise_again))
         again[-1].daemon = True
         again[-1].start()
 

@@ -1,5 +1,6 @@
 """Notebooks run from top to bottom in a fresh kernel, are kept without output, and become pages."""
 
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -100,6 +101,7 @@ def test_a_kernel_that_is_not_there_is_one_line(tmp_path: Path, monkeypatch: pyt
     monkeypatch.setattr(notebooks, "KERNEL", "fortran")
     with pytest.raises(notebooks.NotebookError, match=r"made\.ipynb: there is no kernel 'fortran'; valid: .*notebook"):
         notebooks.execute(notebook_of(tmp_path, "1 + 1"))
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler, "Ctrl-C would do nothing from here on"
 
 
 def test_the_command_names_the_notebooks_that_there_are(repository: Path) -> None:

@@ -38,13 +38,13 @@ class Interrupted:
         signal.raise_signal(signal.SIGINT)
 
 
-def test_an_interrupt_in_a_destructor_is_not_lost(
+def test_an_interrupt_in_a_destructor_is_not_lost_and_wakes_what_sleeps(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def run(command: Why) -> int:
         thing = Interrupted()
         del thing
-        time.sleep(20.0)
+        time.sleep(60.0)
         return 0
 
     monkeypatch.setattr(Why, "run", run)
