@@ -33,14 +33,16 @@ LINES = ".txt"
 WORK = "work"
 """Folder beside them, for whatever files a case needs and leaves."""
 _RUN = Path("run")
-_NOT_SETTLED = ("wall_s", "real_time_factor", "first_move_s", "run", "versions")
+_NOT_SETTLED = ("wall_s", "real_time_factor", "first_move_s", "planner_ms_mean", "planner_ms_max", "run", "versions")
 """Entries of a result that are others in every run or on every machine."""
 _READABLE = ("tasks_done", "tasks_total", "sim_s", "throughput_per_h", "state_hash")
 """Entries of a result by which a person judges a difference."""
 _CAUSES = ("causes", "causes_legend")
 """Kinds of the events that tell what each robot waits for."""
 _WALL = re.compile(
-    r"wall|real.time|first.(move|motion)|^\W*time\W+[\d.]+ s\b|s simulated, \d+ of|^\d+ of \d+ runs done", re.IGNORECASE
+    r"wall|real.time|planner.ms|planner, a call|first.(move|motion)"
+    r"|^\W*time\W+[\d.]+ s\b|s simulated, \d+ of|^\d+ of \d+ runs done",
+    re.IGNORECASE,
 )
 """Lines of a command's output that tell how long it took, or how far it was when."""
 

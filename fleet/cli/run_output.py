@@ -76,6 +76,8 @@ ROWS = (
     RunFigure("simulated time", "{sim_s:.1f} s"),
     RunFigure("wall time", "{wall_s:.1f} s"),
     RunFigure("real-time factor", "{real_time_factor:.1f}"),
+    RunFigure("planner, a call, mean", "{planner_ms_mean:.1f} ms", told_if="asked"),
+    RunFigure("planner, a call, most", "{planner_ms_max:.1f} ms", told_if="asked"),
 )
 """Figures of a run, and how they are told."""
 

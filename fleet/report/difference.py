@@ -12,7 +12,10 @@ from fleet.insight.cause_file import CAUSES, LEGEND
 from fleet.recording.trace_file import UNKNOWN, Quantity, Trace
 from fleet.report.loaded_run import Run, flat
 
-NOT_FIGURES = frozenset({"wall_s", "real_time_factor", "first_move_s", "run", "seed", "site", "robots", "fidelity"})
+NOT_FIGURES = frozenset(
+    {"wall_s", "real_time_factor", "first_move_s", "planner_ms_mean", "planner_ms_max"}
+    | {"run", "seed", "site", "robots", "fidelity"}
+)
 """What a result holds that says how fast the machine was, or what was run."""
 _NOT_SETTINGS = frozenset({"connect", "shared_memory_key"})
 """How the physics engine was reached, which decides nothing."""

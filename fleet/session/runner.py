@@ -53,6 +53,9 @@ class Result(Summary):
     real_time_factor: float
     first_move_s: float | None
     """Wall time from the start of the session to the first motion of a car [s]."""
+    planner_ms_mean: float | None
+    """Wall time of a call of the planner [ms]; None: it was never called."""
+    planner_ms_max: float | None
     run: str
     """Digest of settings, seed and versions, the same in all files of the run."""
     seed: int
@@ -250,6 +253,8 @@ def _result(simulation: Simulation, course: _Course, run: str, *, interrupted: b
         wall_s=round(course.wall_s, 3),
         real_time_factor=round(simulation.sim_s / course.wall_s, 3) if course.wall_s > 0 else 0.0,
         first_move_s=course.first_move_s,
+        planner_ms_mean=simulation.traffic.planning.mean_ms,
+        planner_ms_max=simulation.traffic.planning.longest_ms,
         run=run,
         seed=config.seed,
         site=simulation.site.name,

@@ -17,6 +17,7 @@ from fleet.traffic.executor import Executor
 from fleet.traffic.floor_distances import FloorDistances
 from fleet.traffic.head_on import HeadOn
 from fleet.traffic.open_lanes import OpenLanes
+from fleet.traffic.planning_time import PlanningTime
 from fleet.traffic.single_file import SingleFile
 from fleet.traffic.tides import Tides
 from maps.lane_graph import LaneGraph
@@ -124,6 +125,7 @@ class Traffic:
         self.n_ways = 0
         """Grows whenever ways cost something else."""
         self.n_plans = 0
+        self.planning = PlanningTime()
         self.priorities = np.zeros(n_cars)
         """What the last request ranked the cars by, the greatest first to go."""
         self._seed = seed
@@ -382,6 +384,6 @@ class Traffic:
         if planner is not None and len(starts) >= THREAD_CARS and self.ways.keeps_all:
             if self._thread is None:
                 self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix="fleet-plan")
-            return self._thread.submit(planner.begin(instance, self.ways, deadline)).result
-        plan = self._planner.plan(instance, self.ways, deadline)
+            return self._thread.submit(self.planning.of, planner.begin(instance, self.ways, deadline)).result
+        plan = self.planning.of(lambda: self._planner.plan(instance, self.ways, deadline))
         return lambda: plan

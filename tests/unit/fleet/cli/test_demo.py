@@ -125,6 +125,9 @@ def test_the_table_has_a_row_for_every_figure_and_a_dash_for_those_that_do_not_e
         "real-time factor",
     ):
         assert values[name]
+    # A friction of the first hour: a planner's time per call was nowhere to be seen.
+    mean, most = (float(values[f"planner, a call, {which}"].removesuffix(" ms")) for which in ("mean", "most"))
+    assert 0.0 < mean <= most
 
 
 def test_a_refused_order_is_told_at_the_start_and_in_the_result(
