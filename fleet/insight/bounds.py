@@ -68,7 +68,7 @@ class Bounds:
 
     def __str__(self) -> str:
         by = f"{self.binds} ({self.where})" if self.where else self.binds
-        return f"{by}: at most {self.per_h:.0f} deliveries an hour, of which {self.share:.0%} were made"
+        return f"{by}: at most {self.per_h:.0f} deliveries an hour, of which {100.0 * self.share:.0f} % were made"
 
 
 class CrossLine(NamedTuple):

@@ -248,8 +248,9 @@ class Metrics:
         time, ticks = self.time_accounts.station_time(worst), max(run.now, 1)
         name = f"{run.stations[worst].name} (arm_{worst})"
         if time.busy < BUSY * ticks:
-            return f"no station: the busiest one, {name}, works {time.busy / ticks:.0%} of the time"
-        return f"{name}: busy {time.busy / ticks:.0%} of the time, cars waiting for it {time.contended / ticks:.0%}"
+            return f"no station: the busiest one, {name}, works {100.0 * time.busy / ticks:.0f} % of the time"
+        busy, contended = 100.0 * time.busy / ticks, 100.0 * time.contended / ticks
+        return f"{name}: busy {busy:.0f} % of the time, cars waiting for it {contended:.0f} %"
 
 
 def _seen(perception: PoseSource) -> dict[str, Any]:

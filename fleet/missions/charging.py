@@ -102,7 +102,7 @@ class Charging:
         for car in (charge < config.critical).nonzero()[0].tolist():
             task = missions.task_of[car]
             if task is not None and missions.phase[car] in _MAY_BREAK_OFF and _can_wait(task):
-                missions.unassign(task, now_s, f"the battery of car_{car} is at {charge[car]:.0%}")
+                missions.unassign(task, now_s, f"the battery of car_{car} is at {100.0 * charge[car]:.0f} %")
                 missions.release(car)
         low = [car for car in (charge < config.low).nonzero()[0].tolist() if self._may_charge(car)]
         low = [car for car in low if self._has_way(car)]

@@ -52,7 +52,7 @@ class Decisions:
     def __str__(self) -> str:
         share = self.policy_share
         text = f"{self.policy}: " + (
-            "nothing to decide" if share is None else f"{share:.1%} of {self.n_made} decisions"
+            "nothing to decide" if share is None else f"{100.0 * share:.1f} % of {self.n_made} decisions"
         )
         text += f", {self.n_granted} carried out as meant"
         why = ", ".join(f"{n} {reason}" for reason, n in sorted(self.n_fallback.items()))

@@ -36,14 +36,14 @@ class Bottleneck:
 
     def __str__(self) -> str:
         if self.name == "orders":
-            return f"orders ({self.share:.0%} of them delivered)"
+            return f"orders ({100.0 * self.share:.0f} % of them delivered)"
         if self.name == "traffic":
-            return f"traffic (cars stand in it {self.share:.0%} of their time)"
-        said = f"{self.name} (at work {self.share:.0%} of the time"
+            return f"traffic (cars stand in it {100.0 * self.share:.0f} % of their time)"
+        said = f"{self.name} (at work {100.0 * self.share:.0f} % of the time"
         if self.name != "cars":
-            said += f", cars waiting for it {self.contended_share:.0%}"
+            said += f", cars waiting for it {100.0 * self.contended_share:.0f} %"
         if self.idle_share:
-            said += f"; cars are idle {self.idle_share:.0%} of their time"
+            said += f"; cars are idle {100.0 * self.idle_share:.0f} % of their time"
         return f"{said})"
 
 
@@ -59,7 +59,7 @@ class Bound:
     """Part of it that was delivered."""
 
     def __str__(self) -> str:
-        return f"{self.per_h:.0f} ({self.name}), {self.share:.0%} of it"
+        return f"{self.per_h:.0f} ({self.name}), {100.0 * self.share:.0f} % of it"
 
 
 @dataclass(frozen=True, kw_only=True)

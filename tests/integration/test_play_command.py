@@ -35,7 +35,7 @@ def test_a_played_run_leaves_the_files_of_a_demo_and_its_decisions(
     told = capsys.readouterr().out
     assert "played" in told
     assert "scripted" in told
-    assert "docking by pursuit: 100.0% of 4 decisions" in told
+    assert "docking by pursuit: 100.0 % of 4 decisions" in told
 
 
 @pytest.mark.parametrize(

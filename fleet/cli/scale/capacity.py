@@ -72,7 +72,8 @@ class CapacityCommand:
         shares = [cell.core_share for cell in cells if cell.core_share is not None]
         if shares and min(shares) < QUIET:
             console.print(
-                f"The machine was busy: cells had {min(shares):.0%} to {max(shares):.0%} of a core, so speeds are low.",
+                f"The machine was busy: cells had {100.0 * min(shares):.0f} to {100.0 * max(shares):.0f} % of a core, "
+                "so speeds are low.",
                 soft_wrap=True,
             )
         for cell in cells:
@@ -97,7 +98,7 @@ def _table(cells: Sequence[CapacityCell]) -> Table:
             _figure(cell, "real_time_factor", ".3g"),
             _figure(cell, "memory_mb", ",.0f"),
             _figure(cell, "tasks_per_h", ",.0f"),
-            "-" if cell.at_work_share is None else f"{cell.at_work_share:.0%}",
+            "-" if cell.at_work_share is None else f"{100.0 * cell.at_work_share:.0f} %",
             "-" if cell.first_move_s is None else f"{cell.first_move_s:.1f}",
             "-" if cell.sim_s is None else f"{cell.sim_s:.0f}",
         )

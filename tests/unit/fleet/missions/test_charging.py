@@ -158,7 +158,7 @@ def test_a_critical_car_gives_back_what_can_wait(order: Any, gives_back: bool) -
     assert (task.state is TaskState.READY) is gives_back
     assert (floor.missions.phase[0] is CarPhase.TO_CHARGER) is gives_back
     if gives_back:
-        assert task.reason == "the battery of car_0 is at 10%"
+        assert task.reason == "the battery of car_0 is at 10 %"
     assert floor.missions.faults() == []
 
 

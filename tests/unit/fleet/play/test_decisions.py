@@ -15,7 +15,7 @@ def test_a_share_is_that_of_all_decisions() -> None:
     assert (decisions.n_made, decisions.n_policy, decisions.n_granted) == (10, 6, 4)
     assert decisions.policy_share == 0.6
     assert str(decisions) == (
-        "pibt: 60.0% of 10 decisions, 4 carried out as meant; the classical part took 1 illegal, 3 nothing moved on"
+        "pibt: 60.0 % of 10 decisions, 4 carried out as meant; the classical part took 1 illegal, 3 nothing moved on"
     )
 
 

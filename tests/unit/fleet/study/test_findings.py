@@ -131,22 +131,22 @@ def test_rows_that_are_missing_are_left_out_of_the_pairs() -> None:
 @pytest.mark.parametrize(
     ("changes", "name", "said"),
     [
-        ({}, "cars", "cars (at work 78% of the time)"),
+        ({}, "cars", "cars (at work 78 % of the time)"),
         (
             {"stations": "pick_1=0.8500/0.4 drop_1=0.6000/0.9"},
             "pick_1",
-            "pick_1 (at work 85% of the time, cars waiting for it 40%)",
+            "pick_1 (at work 85 % of the time, cars waiting for it 40 %)",
         ),
         (
             {"driving_loaded": 0.0, "driving_empty": 0.0, "traffic": 0.7, "served": 0.1},
             "traffic",
-            "traffic (cars stand in it 70% of their time)",
+            "traffic (cars stand in it 70 % of their time)",
         ),
-        ({"done": 198}, "orders", "orders (99% of them delivered)"),
+        ({"done": 198}, "orders", "orders (99 % of them delivered)"),
         (
             {"driving_loaded": 0.2, "idle": 0.2},
             "drop_1",
-            "drop_1 (at work 60% of the time, cars waiting for it 20%; cars are idle 20% of their time)",
+            "drop_1 (at work 60 % of the time, cars waiting for it 20 %; cars are idle 20 % of their time)",
         ),
     ],
 )
@@ -159,7 +159,7 @@ def test_the_least_bound_binds_and_is_told_with_what_was_made_of_it() -> None:
     found = least_bound([row(), row(seed=20, bound_cars_per_h=140.0)])
     assert found is not None
     assert (found.name, found.per_h, found.share) == ("cars", 130.0, pytest.approx(110.0 / 130.0))
-    assert str(found) == "130 (cars), 85% of it"
+    assert str(found) == "130 (cars), 85 % of it"
 
 
 def test_a_bound_that_some_runs_do_not_know_is_none() -> None:
@@ -175,7 +175,7 @@ def test_the_page_needs_nothing_else_and_the_plots_are_pictures(tmp_path: Path) 
     write_page(tmp_path / "p.html", findings=findings, plots=list(plots.values()), title="a & b", settings="1 < 2")
     page = (tmp_path / "p.html").read_text(encoding="utf-8")
     assert "<b>" not in page
-    assert '<td class="words">cars (at work 78% of the time)</td>' in page
+    assert '<td class="words">cars (at work 78 % of the time)</td>' in page
     assert page.count("<svg ") == len(plots) == 3
     assert "knee: 3 cars" in page
     for outside in ("src=", "href=", "url(", "<script", "@import"):
