@@ -23,7 +23,7 @@ def kernel(function: Callable[..., Any], **more: Any) -> Callable[..., Any]:
     Without `_nrt=False` numba counts the references of every array of a bundle at every use, which takes two thirds
     of the time of a search. What is compiled is kept until any file of the family changes.
     """
-    options: dict[str, Any] = {"cache": True, "nogil": True, "_nrt": False, **more}
+    options: dict[str, Any] = {"cache": True, "nogil": True, "no_cfunc_wrapper": True, "_nrt": False, **more}
     compiled: Callable[..., Any] = njit(**options)(function)
     keep_until(compiled, _STAMP)
     return compiled

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fleet.envs.grid import kernel
-from fleet.envs.grid.compiled import compiled
+from fleet.envs.grid.compiled import inner
 from fleet.envs.grid.fleet import FleetSite, cars_at_start, spot_users_at_start, tasks_of
 from fleet.envs.grid.kernel import Bools, CarTable, Counts, Floor, Ints, StationTable, TaskTable
 from fleet.tasks.order import Delivery
@@ -169,7 +169,7 @@ def _set_row(table: Iterable[npt.NDArray[Any]], index: int, rows: Iterable[npt.N
         array[index, : len(row)] = row
 
 
-@compiled
+@inner
 def fleet_at(
     cars: tuple[Any, ...],
     tasks: tuple[Any, ...],
@@ -220,7 +220,7 @@ def fleet_at(
     )
 
 
-@compiled
+@inner
 def turn(floor: Floor, fleet: FleetRow, first: Ints, now: int) -> None:  # pragma: no cover - compiled
     """Everything that happens between two moves."""
     kernel.serve(floor, fleet.cars, fleet.tasks, fleet.stations, fleet.counts, now)
@@ -228,14 +228,14 @@ def turn(floor: Floor, fleet: FleetRow, first: Ints, now: int) -> None:  # pragm
     send(floor, fleet, first, now)
 
 
-@compiled
+@inner
 def send(floor: Floor, fleet: FleetRow, first: Ints, now: int) -> None:  # pragma: no cover - compiled
     """Give every car its goal, and its rank in the right of way."""
     kernel.direct(floor, fleet.cars, fleet.tasks, fleet.stations, fleet.spot_user, first, now)
     kernel.rank_cars(floor, fleet.cars, fleet.tasks, now, fleet.priority, fleet.locked)
 
 
-@compiled
+@inner
 def plan(
     floor: Floor, fleet: FleetRow, stepping: Stepping, salt: int, wished: Ints
 ) -> None:  # pragma: no cover - compiled
@@ -256,7 +256,7 @@ def plan(
     )
 
 
-@compiled
+@inner
 def put_in_order(priority: npt.NDArray[np.float64], order: Ints) -> None:  # pragma: no cover - compiled
     """Sort cars by priority, larger first, of equal ones the lower index first.
 

@@ -21,7 +21,7 @@ def compiled(function: Callable[..., Any], **more: Any) -> Callable[..., Any]:
     kernel that returns arrays must not be called by one that counts references, which would count it down. What is
     compiled is kept until any file of the environments or of `planners.mapf` changes.
     """
-    options: dict[str, Any] = {"cache": True, "nogil": True, "_nrt": False, **more}
+    options: dict[str, Any] = {"cache": True, "nogil": True, "no_cfunc_wrapper": True, "_nrt": False, **more}
     made: Callable[..., Any] = njit(**options)(function)
     keep_until(made, _STAMP)
     return made
@@ -29,12 +29,21 @@ def compiled(function: Callable[..., Any], **more: Any) -> Callable[..., Any]:
 
 def allocating(function: Callable[..., Any]) -> Callable[..., Any]:
     """Compile a kernel that allocates, and that kernels call which count no references."""
-    options: dict[str, Any] = {"cache": True, "nogil": True, "_nrt": True}
+    options: dict[str, Any] = {"cache": True, "nogil": True, "no_cfunc_wrapper": True, "_nrt": True}
     made: Callable[..., Any] = njit(**options)(function)
     return made
 
 
+def inner(function: Callable[..., Any], **more: Any) -> Callable[..., Any]:
+    """A kernel that only other kernels call: a call from Python would crash the process.
+
+    Numba writes a second function for each kernel, which takes its arguments from Python. For the arrays of a fleet
+    that takes longer to compile than the kernel.
+    """
+    return compiled(function, no_cpython_wrapper=True, **more)
+
+
 def inlined(function: Callable[..., Any]) -> Callable[..., Any]:
-    """A kernel that is always compiled into its callers: one that is called for every car or cell, and is handed named
-    tuples, works shorter than it takes to hand them over."""
-    return compiled(function, forceinline=True)
+    """An `inner` kernel that is always compiled into its callers: one that is called for every car or cell, and is
+    handed named tuples, works shorter than it takes to hand them over."""
+    return inner(function, forceinline=True)

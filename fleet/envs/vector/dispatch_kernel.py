@@ -10,7 +10,7 @@ import numpy.typing as npt
 from fleet.envs.dispatch.view import N_OWN, N_PER_CANDIDATE, N_SUMMARY, DispatchView, fill_candidates
 from fleet.envs.grid import kernel
 from fleet.envs.grid.block import BlockRows, FleetRow, Stepping, fleet_at, plan, send
-from fleet.envs.grid.compiled import compiled
+from fleet.envs.grid.compiled import compiled, inner
 from fleet.envs.grid.fleet import TIMESTEP_S
 from fleet.envs.grid.kernel import (
     FREE,
@@ -160,7 +160,7 @@ def begin_one(
     _observe(floor, DispatchFloor(*told_arrays), fleet, tables, DispatchMemory(*memory_arrays), rows.now[b], 1.0, b)
 
 
-@compiled
+@inner
 def _turn(
     floor: Floor, fleet: FleetRow, faults: Faults, battery: Battery, first: Ints, dice: int, now: int
 ) -> None:  # pragma: no cover - compiled
@@ -172,7 +172,7 @@ def _turn(
     send(floor, fleet, first, now)
 
 
-@compiled
+@inner
 def _give(
     floor: Floor,
     fleet: FleetRow,
@@ -212,7 +212,7 @@ def _give(
         send(floor, fleet, first, now)
 
 
-@compiled
+@inner
 def _earn(
     fleet: FleetRow, lost: Bools, weights: tuple[float, float, float, float, float], terms: Doubles
 ) -> None:  # pragma: no cover - compiled
@@ -226,7 +226,7 @@ def _earn(
         terms[car, 4] = weights[4] * lost[car]
 
 
-@compiled
+@inner
 def _observe(
     floor: Floor,
     told: DispatchFloor,
@@ -292,7 +292,7 @@ def _observe(
             row[i] = min(np.float32(1.0), max(np.float32(-1.0), row[i]))
 
 
-@compiled
+@inner
 def _ready(
     told: DispatchFloor, fleet: FleetRow, pressing: Ints, memory: DispatchMemory, m: int, now: int
 ) -> DispatchView:  # pragma: no cover - compiled

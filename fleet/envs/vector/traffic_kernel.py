@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from fleet.envs.grid import kernel
 from fleet.envs.grid.block import BlockRows, FleetRow, Stepping, fleet_at, plan, send, turn
-from fleet.envs.grid.compiled import compiled
+from fleet.envs.grid.compiled import compiled, inner
 from fleet.envs.grid.fleet import STATION_ROOM
 from fleet.envs.grid.kernel import NONE, Bools, Floor, Ints, SmallInts
 from fleet.envs.traffic.view import CellMemory, FloorTold, TrafficView, observe
@@ -117,7 +117,7 @@ def begin_one(
     _observe(floor, FloorTold(*told_arrays), fleet, tables, stepping, CellMemory(*cell_arrays), rows.salt[b], b)
 
 
-@compiled
+@inner
 def _wish(
     told: FloorTold,
     fleet: FleetRow,
@@ -135,7 +135,7 @@ def _wish(
         memory.wanted[car] = told.move_to[state[car], action - 1] if legal and action > 0 else state[car]
 
 
-@compiled
+@inner
 def _judge(
     told: FloorTold,
     fleet: FleetRow,
@@ -168,14 +168,14 @@ def _judge(
         asked[cell[wanted[car]]] = False
 
 
-@compiled
+@inner
 def _give_out(floor: Floor, fleet: FleetRow, first: Ints, now: int) -> None:  # pragma: no cover - compiled
     """Give the ready tasks to the nearest free cars."""
     kernel.assign_nearest(floor, fleet.cars, fleet.tasks, fleet.stations, STATION_ROOM, now)
     send(floor, fleet, first, now)
 
 
-@compiled
+@inner
 def _observe(
     floor: Floor,
     told: FloorTold,
