@@ -386,16 +386,21 @@ def _copy(rows: FloatArray, out: FloatArray) -> None:
             out[s, a] = rows[s, a]
 
 
-@inlined  # a call would copy both sides
+@inlined
 def _meeting(first: Int, one: _Side, i: Int, other: _Side, j: Int, most: Int, memory: _Memory) -> _Meeting:
     """Posture i of the first arm, and posture j of the second."""
-    here, there, spare = memory.ends[0], memory.ends[1], memory.spare
-    for a in range(here.shape[1]):
-        here[0, a], here[1, a] = one.place[i, a], other.place[j, a]
-        there[0, a], there[1, a] = one.end[i, a], other.start[a]
+    spare = memory.spare
     spare[0] = most * _STEP_S + other.stay + other.leave[j]
     spare[1] = one.come[i] + one.stay + most * _STEP_S
-    return _Meeting(first, one.arm, other.arm, here, there, most, spare)
+    _set_out(one.place[i], other.place[j], one.end[i], other.start, memory.ends)
+    return _Meeting(first, one.arm, other.arm, memory.ends[0], memory.ends[1], most, spare)
+
+
+@inner_borrowing
+def _set_out(here: FloatArray, their_here: FloatArray, there: FloatArray, their_there: FloatArray, ends: FloatArray) -> None:  # noqa: E501  # fmt: skip
+    for a in range(here.shape[0]):
+        ends[0, 0, a], ends[0, 1, a] = here[a], their_here[a]
+        ends[1, 0, a], ends[1, 1, a] = there[a], their_there[a]
 
 
 @inner_borrowing
@@ -637,27 +642,34 @@ def _place_spheres(arm: _Arm, frames: FloatArray, points: FloatArray) -> None:
                 points[k, s, a] = frames[k, f, a, 0] * x + frames[k, f, a, 1] * y + frames[k, f, a, 2] * z + frames[k, f, a, 3]  # noqa: E501  # fmt: skip
 
 
-@inlined  # a call would copy both sides
+@inner_borrowing
 def _deepest(
-    one: _Arm, a: FloatArray, other: _Arm, b: FloatArray, margin: float, least: float
-) -> tuple[float, int, int]:
+    spheres: FloatArray,
+    parts: IntArray,
+    points: FloatArray,
+    their_spheres: FloatArray,
+    their_parts: IntArray,
+    their_points: FloatArray,
+    margin: float,
+    least: float,
+) -> tuple[float, Int, Int]:
     """The least distance of two spheres beyond the margin, if below `least`, and which these are (-1: none)."""
-    s_least = -1
-    t_least = -1
-    for p in range(one.parts.shape[0] - 1, -1, -1):  # tips first: they meet most
-        hull = one.parts[p, 0]
-        for m in range(other.parts.shape[0] - 1, -1, -1):
-            against = other.parts[m, 0]
-            size = one.spheres[hull, 3] + other.spheres[against, 3] + margin + least
-            if size <= 0.0 or _square(a[hull], b[against]) >= size * size:
+    s_least: Int = np.int64(-1)
+    t_least: Int = np.int64(-1)
+    for p in range(parts.shape[0] - 1, -1, -1):  # tips first: they meet most
+        hull = parts[p, 0]
+        for m in range(their_parts.shape[0] - 1, -1, -1):
+            against = their_parts[m, 0]
+            size = spheres[hull, 3] + their_spheres[against, 3] + margin + least
+            if size <= 0.0 or _square(points, hull, their_points, against) >= size * size:
                 continue
-            for s in range(one.parts[p, 1], one.parts[p, 2]):
-                size = one.spheres[s, 3] + other.spheres[against, 3] + margin + least
-                if size <= 0.0 or _square(a[s], b[against]) >= size * size:
+            for s in range(parts[p, 1], parts[p, 2]):
+                size = spheres[s, 3] + their_spheres[against, 3] + margin + least
+                if size <= 0.0 or _square(points, s, their_points, against) >= size * size:
                     continue
-                for t in range(other.parts[m, 1], other.parts[m, 2]):
-                    size = one.spheres[s, 3] + other.spheres[t, 3] + margin
-                    square = _square(a[s], b[t])
+                for t in range(their_parts[m, 1], their_parts[m, 2]):
+                    size = spheres[s, 3] + their_spheres[t, 3] + margin
+                    square = _square(points, s, their_points, t)
                     if size + least > 0.0 and square < (size + least) ** 2:
                         least = np.sqrt(square) - size
                         s_least = s
@@ -665,20 +677,24 @@ def _deepest(
     return least, s_least, t_least
 
 
-@inlined
-def _square(a: FloatArray, b: FloatArray) -> float:
-    square: float = (a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2
+@inner_borrowing
+def _square(points: FloatArray, s: Int, others: FloatArray, t: Int) -> float:
+    """Square of the distance of two points of two arrays."""
+    x = points[s, 0] - others[t, 0]
+    y = points[s, 1] - others[t, 1]
+    z = points[s, 2] - others[t, 2]
+    square: float = x**2 + y**2 + z**2
     return square
 
 
-@inlined
+@inner_borrowing
 def _moment(k: Int, gap: Int, samples: int) -> tuple[Int, Int]:
     """Samples of both arms at moment k of an exchange: in step, then each against the other at the place."""
     if k <= gap:
         return k, gap - k
     if k < samples:
-        return k, 0
-    return 0, k - samples + gap + 1
+        return k, np.int64(0)
+    return np.int64(0), k - samples + gap + 1
 
 
 @inner_borrowing
@@ -738,10 +754,11 @@ def _weigh(
     """
     for k in range(2 * _SAMPLES - gap - 1):
         s, t = _moment(k, gap, _SAMPLES)
-        least, u, v = _deepest(one, points[0, s], other, points[1, t], margin, _NEAR_M)
+        mine, theirs = points[0, s], points[1, t]
+        least, u, v = _deepest(one.spheres, one.parts, mine, other.spheres, other.parts, theirs, margin, _NEAR_M)
         if u < 0:
             continue
-        length = np.sqrt(_square(points[0, s, u], points[1, t, v])) + 1e-9
+        length = np.sqrt(_square(mine, u, theirs, v)) + 1e-9
         for a in range(3):
             away[a] = (_NEAR_M - least) * (points[0, s, u, a] - points[1, t, v, a]) / length
         _weigh_joints(one.joints, one.limits[1], q[0, s], one.frame[u], points[0, s, u], away, s, frames, worth[0])
