@@ -251,7 +251,10 @@ def _pairs(sides: tuple[_Side, _Side]) -> tuple[IntArray, FloatArray]:
     pairs, totals = [], []
     for first in range(2):
         one, other = sides[first], sides[1 - first]
-        come, leave = _different(one.place, one.come), _different(other.place, other.leave)
+        come, leave = (
+            _different(postures, np.argsort(times, kind="stable"))
+            for postures, times in ((one.place, one.come), (other.place, other.leave))
+        )
         i, j = np.repeat(come, len(leave)), np.tile(leave, len(come))
         pairs.append(np.column_stack([np.full(len(i), first), i, j]))
         totals.append(np.maximum(one.come[i] + one.stay, other.come[j]) + other.stay + other.leave[j])
@@ -301,11 +304,11 @@ def _memory(sides: tuple[_Side, _Side]) -> _Memory:
 
 
 @kernel
-def _different(postures: FloatArray, times: FloatArray) -> IntArray:
-    """Rows of the soonest postures that differ from all before."""
+def _different(postures: FloatArray, order: IntArray) -> IntArray:
+    """Rows of the first postures, in this order, that differ from all before."""
     rows = np.empty(_N_POSTURES, dtype=np.int64)
     count = 0
-    for row in np.argsort(times, kind="mergesort"):
+    for row in order:
         new = True
         for k in range(count):
             apart = 0.0
