@@ -185,7 +185,8 @@ def _plots(titles: Sequence[str], more: Sequence[rrb.View]) -> list[rrb.View]:
                 origin=origin,
                 name=name,
                 axis_x=rrb.TimeAxis(link="LinkToGlobal"),
-                plot_legend=rrb.PlotLegend(corner="LeftTop"),
+                # The lines of states have the colours of the lanes beside them; names would cover a third of the plot.
+                plot_legend=rrb.PlotLegend(corner="LeftTop", visible=name != "States"),
             )
             for name, origin in origins.items()
         ),
