@@ -97,7 +97,7 @@ def layout(
                 _lanes("Tasks", "tasks"),
                 why,
                 rrb.Horizontal(rrb.Tabs(*plotted), rrb.Tabs(*text), column_shares=[6, 5]),
-                row_shares=[(n_lanes + 1.7) * _LANE_PX, (_TASKS_SEEN + 1.7) * _LANE_PX, 90.0, 150.0],
+                row_shares=[(n_lanes + 1.7) * _LANE_PX, (_TASKS_SEEN + 1.7) * _LANE_PX, 68.0, 130.0],
             ),
             column_shares=[3, 2],
         )
