@@ -18,11 +18,15 @@ from fleet.errors import ConfigError
 from fleet.run.events import Event
 from fleet.run.setup import RunSetup
 from fleet.simulation import Simulation
-from maps.site import Site, save_site
+from maps.site import Site, load_site, save_site, site_from_plan
 from maps.warehouse import generate_warehouse
 
 FLEET = {"racecar": 12, "husky": 4}
 ALIKE = {"racecar": 16}
+WIDE_M = 1.25
+"""Edge of a cell in whose lanes Huskies may turn."""
+GENERATED, MEDIUM = "generated", "medium, wide lanes"
+"""Floors, see `floor`."""
 N_ORDERS, QUICK_N_ORDERS = 60, 9
 """Orders that are to be delivered, every third of them heavy."""
 EVERY_S = 5.0
@@ -43,6 +47,7 @@ class Case:
     fleet: Mapping[str, int]
     """How many cars there are of each model."""
     seed: int
+    floor: str = GENERATED
     fidelity: Fidelity = Fidelity.KINEMATIC
     heavy: bool = True
     """Orders of which every third is heavy, to the last of them; else light ones for a time."""
@@ -58,7 +63,7 @@ class Case:
         fleet = " + ".join(f"{n} {model}" for model, n in self.fleet.items())
         orders = f"{self.n_orders} orders" if self.heavy else "light orders"
         trays = "" if self.fill_trays else ", one parcel at a time"
-        return f"{fleet}, {orders}, {self.fidelity}{trays}"
+        return f"{fleet}, {self.floor}, {orders}, {self.fidelity}{trays}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,12 +83,14 @@ class Seen:
 
 def measure_mixed(trial: Trial) -> Iterable[Row]:
     """Heavy and light orders to the last one, without physics and in physics; then light orders with other fleets."""
-    for fidelity in (Fidelity.KINEMATIC, Fidelity.PHYSICS):
-        seeds = trial.seeds[:N_PHYSICS] if fidelity is Fidelity.PHYSICS else trial.seeds
-        n_orders = QUICK_N_ORDERS if trial.quick else N_ORDERS
-        yield from _delivered(
-            trial, [Case(fleet=FLEET, seed=seed, fidelity=fidelity, n_orders=n_orders) for seed in seeds]
-        )
+    n_orders = QUICK_N_ORDERS if trial.quick else N_ORDERS
+    for name in (GENERATED, MEDIUM):
+        for fidelity in (Fidelity.KINEMATIC, Fidelity.PHYSICS):
+            seeds = trial.seeds[:N_PHYSICS] if fidelity is Fidelity.PHYSICS else trial.seeds
+            yield from _delivered(
+                trial,
+                [Case(fleet=FLEET, seed=seed, floor=name, fidelity=fidelity, n_orders=n_orders) for seed in seeds],
+            )
     yield _refused_on_medium(trial)
 
 
@@ -100,9 +107,11 @@ def measure_trays(trial: Trial) -> Iterable[Row]:
     yield from _difference("trays filled above one parcel at a time", filled, single)
 
 
-def floor() -> Site:
-    """A generated floor with lanes in which Huskies may turn."""
-    return generate_warehouse(rows=24, cols=36, pick=6, drop=6, parking=20, cell_m=1.25, name="wide-24x36")
+def floor(name: str = GENERATED) -> Site:
+    """A floor with lanes in which Huskies may turn: a generated one, or the shipped one drawn in larger cells."""
+    if name == MEDIUM:
+        return site_from_plan(load_site("medium").plan, name="medium-wide", cell_m=WIDE_M)
+    return generate_warehouse(rows=24, cols=36, pick=6, drop=6, parking=20, cell_m=WIDE_M, name="wide-24x36")
 
 
 def _delivered(trial: Trial, cases: Sequence[Case]) -> Iterable[Row]:
@@ -147,7 +156,7 @@ def play(case: Case) -> Seen:
         if event.kind == "task" and event.facts["state"] == "delivered":
             delivered_s.append(event.sim_s)
 
-    site = floor()
+    site = floor(case.floor)
     with TemporaryDirectory() as folder:
         path, orders = Path(folder) / "site.toml", Path(folder) / "orders.csv"
         save_site(site, path)

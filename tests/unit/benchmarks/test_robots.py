@@ -5,7 +5,18 @@ from __future__ import annotations
 from collections import Counter
 from pathlib import Path
 
-from benchmarks.robots.mixed import ALIKE, EVERY_S, FLEET, HEAVY_KG, N_ORDERS, Case, config_of, floor, write_orders
+from benchmarks.robots.mixed import (
+    ALIKE,
+    EVERY_S,
+    FLEET,
+    HEAVY_KG,
+    MEDIUM,
+    N_ORDERS,
+    Case,
+    config_of,
+    floor,
+    write_orders,
+)
 from benchmarks.robots.stations import HEAVIEST_KG
 from benchmarks.robots.stations import write_orders as write_light
 from fleet.robots import CARS
@@ -47,3 +58,10 @@ def test_orders_of_unlike_arms_pass_both_and_are_up_to_the_heaviest(tmp_path: Pa
     assert [(order.pick, order.drop, order.mass_kg) for order in orders[:2]] == [("pick_1", "drop_1", HEAVIEST_KG)] * 2
     assert len(orders) == 6
     assert max(order.mass_kg for order in orders) <= HEAVIEST_KG
+
+
+def test_orders_of_the_wide_medium_floor_are_taken_there(tmp_path: Path) -> None:
+    site, path = floor(MEDIUM), tmp_path / "orders.csv"
+    assert (site.grid.rows, site.grid.cols, site.grid.cell_m) == (24, 40, 1.25)
+    write_orders(path, site, Case(fleet=FLEET, seed=1, floor=MEDIUM))
+    assert len(read_orders(path, site, CARRIES_ALL).orders) == N_ORDERS
