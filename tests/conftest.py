@@ -31,6 +31,8 @@ LONG = (
     "tests/integration/test_camera_picking.py",
     "tests/integration/test_charging.py",
     "tests/integration/test_connect_modes.py",
+    "tests/integration/test_demo_ends.py",
+    "tests/integration/test_demo_planar.py",
     "tests/integration/test_disturbances.py",
     "tests/integration/test_export_command.py",
     "tests/integration/test_huskies.py",
