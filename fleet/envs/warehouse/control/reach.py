@@ -8,26 +8,25 @@ import numpy as np
 from numba import njit
 
 from fleet.arrays import FloatArray
-from fleet.envs.warehouse.control.hands import TIP_MPS, TIP_RADPS, HandModel, lead_tips
-from fleet.robots.arms.spec import ArmSpec
+from fleet.envs.warehouse.control.hands import TIP_MPS, TIP_RADPS, HandModel, Hands, lead_tips
 from planners.motion.arm.kinematics import link_frames_into
 
 _STEP_S, _STEPS, _GAIN_PER_S = 0.05, 300, 4.0
 
 
-def reach_down(hand: HandModel, arm: ArmSpec, point: FloatArray) -> FloatArray:
+def reach_down(hands: Hands, point: FloatArray) -> FloatArray:
     """A posture in which the tip is at a point, or as near as the tip is led there from home.
 
     Args:
-        hand: Leads the tip.
-        arm: The model.
+        hands: Arms of the model.
         point: In the arm's base frame [m], shape (3,).
 
     Returns:
         Joint positions [rad], shape (n_joints,).
     """
+    arm = hands.spec
     q = arm.home_rad.copy()
-    _lead(hand, arm.lower_rad, arm.upper_rad, np.asarray(point, dtype=np.float64), q)
+    _lead(hands.model, arm.lower_rad, arm.upper_rad, np.asarray(point, dtype=np.float64), q)
     return q
 
 
