@@ -277,11 +277,12 @@ class WarehouseConfig(RecordedEnvConfig):
         if isinstance(n_cars, list):
             n_cars = tuple(n_cars)
         classical_cars: Any = self.classical_cars
-        if classical_cars is None and n_named is None:
-            classical_cars = self._docks_of(level, n_arms)
-        elif classical_cars is None:
-            most = max(n_cars) if isinstance(n_cars, tuple) and n_cars and all(map(is_whole, n_cars)) else n_cars
-            classical_cars = max(n_named - most, 0) if is_whole(most) else 0
+        if classical_cars is None:
+            if n_named is None:
+                classical_cars = self._docks_of(level, n_arms)
+            else:
+                most = n_cars[-1] if isinstance(n_cars, tuple) and n_cars else n_cars
+                classical_cars = max(n_named - most, 0) if is_whole(most) else 0
         filled: dict[str, Any] = {
             "n_arms": n_arms,
             "n_cars": n_cars,

@@ -210,10 +210,10 @@ class Observer:
             # A lidar is where the car is, not where it is believed to be.
             self.hits = self._scan(world.car_poses()[:n_cars]) if hits is None else hits
             by_car, noise, distances = self.hits.reshape(n_cars, -1), self._noise(), self.car_rows[:, N_CAR_NUMBERS:]
-            for cars, ring in self._rings:
-                measured = np.empty((len(cars), distances.shape[1]), dtype=np.float32)
-                ring.measure(by_car[cars].ravel(), noise[cars], measured)
-                distances[cars] = measured
+            for own, ring in self._rings:
+                measured = np.empty((len(own), distances.shape[1]), dtype=np.float32)
+                ring.measure(by_car[own].ravel(), noise[own], measured)
+                distances[own] = measured
 
     def _scan(self, poses: FloatArray) -> FloatArray:
         """How far the rays of the agents' cars come, as shares of their lengths, shape (n_cars * n_rays,)."""
