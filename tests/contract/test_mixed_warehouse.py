@@ -222,6 +222,22 @@ def test_who_turns_on_the_spot_has_not_docked(make: Callable[..., WarehouseEnv])
     assert infos[agent]["docked"] == WORTH.docked
 
 
+def test_routes_lead_from_corner_to_corner_and_turns_have_no_length(make: Callable[..., WarehouseEnv]) -> None:
+    env = make(cars="husky", n_arms=0, max_cycles=100)
+    mind, bends = make_policy("warehouse", "pursuit"), 0
+    observations, _ = env.reset(seed=0)
+    while env.agents:
+        observations, *_ = env.step(mind.act(env, observations))
+        routes = env._now().observer._routes
+        line = routes.points[0, : routes.counts[0]]
+        steps = np.diff(line[:, :2], axis=0)
+        np.testing.assert_allclose(np.diff(line[:, 2]), np.hypot(*steps.T), atol=1e-6)
+        assert (np.diff(line[:, 2]) > 0.0).all()
+        (dx, dy), (next_x, next_y) = steps[:-1].T, steps[1:].T
+        bends += int((np.abs(dx * next_y - dy * next_x) > 1e-4).any())
+    assert bends > 10
+
+
 @pytest.mark.parametrize("model", ["husky", "a1"])
 @pytest.mark.parametrize("car_action", ["drive", "residual"])
 def test_the_script_docks_with_each_drive(make: Callable[..., WarehouseEnv], model: str, car_action: str) -> None:
@@ -279,6 +295,22 @@ def test_unlike_arms_begin_with_the_parcel_at_hand(make: Callable[..., Warehouse
         seen = env.reset(seed=seed)[0][agent]
         assert np.linalg.norm(seen[20:23] * 1.5) < 0.25
         assert seen[19] < -0.9, "the tool points down"
+
+
+def test_a_parcel_s_place_is_in_the_tray_of_the_car_that_has_come(make: Callable[..., WarehouseEnv]) -> None:
+    env = make(level="transfer", cars="racecar:1,husky:1,racecar:1,husky:1")
+    heights = set()
+    for seed in range(4):
+        env.reset(seed=seed)
+        env.step({})
+        simulation = env.simulation
+        for errand in env._now().errands:
+            transfer = simulation.arm_manager.transfer(errand.station)
+            if transfer is not None and not errand.loaded:
+                z = env._now().observer.place(transfer)[2] - transfer.size_m[2] / 2
+                assert z == pytest.approx(simulation.scene.cars[errand.car].tray_floor_z_m)
+                heights.add(round(float(z), 2))
+    assert heights == {0.18, 0.41}
 
 
 # --- Teams and states
