@@ -23,6 +23,7 @@ LONG = (
     "tests/contract/test_cars_on_lanes.py",
     "tests/contract/test_envs.py",
     "tests/contract/test_foreign_lanes.py",
+    "tests/contract/test_mixed_warehouse.py",
     "tests/guide",
     "tests/integration/test_arm_workers.py",
     "tests/integration/test_asked_in_turn.py",

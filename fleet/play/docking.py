@@ -16,7 +16,7 @@ from fleet.envs.warehouse.config import WarehouseConfig
 from fleet.envs.warehouse.control.actions import N_CAR_ENTRIES
 from fleet.envs.warehouse.control.commands import Commands
 from fleet.envs.warehouse.env import WarehouseEnv, WarehouseEpisode
-from fleet.envs.warehouse.observations import Observer, Told
+from fleet.envs.warehouse.observations import Observer, Told, rings_of
 from fleet.envs.warehouse.rewards import Rewards, RewardWeights
 from fleet.envs.warehouse.rows import NEIGHBOURS_AT, REACH_M, STATION_AT, Rows
 from fleet.envs.warehouse.run.agent_driver import STOP_M, STOP_RAD, AgentCars, AgentDriver
@@ -28,7 +28,6 @@ from fleet.play.policies import PlayedPolicy
 from fleet.robots.cars.models import CarModels
 from fleet.robots.speed_ramp import SpeedRamp
 from fleet.run.setup import RunSetup
-from fleet.sensors.lidar import LidarRing
 from fleet.simulation import Simulation
 from fleet.traffic.drivers import AT_REST_MPS
 from fleet.traffic.replanning import NO_GOAL
@@ -197,11 +196,9 @@ class _Env(WarehouseEnv):
         simulation, config = self._run, self.config
         noise, sights, views, fates = (np.random.default_rng([seed, k]) for k in range(4))
         of_cars, of_arms = config.sensing
-        ring = None
-        if config.car_lidar is not None:
-            car = simulation.scene.car
-            ring = LidarRing(config.car_lidar, car.front_m, car.rear_m, car.half_width_m)
-        observer = Observer(simulation, ring, noise, (of_cars.range_m, REACH_M), config.step_s)
+        # Policies that dock know one model of cars.
+        rings = rings_of(config.car_lidar, CarModels.alike(simulation.scene.car, simulation.n_cars))
+        observer = Observer(simulation, rings, noise, (of_cars.range_m, REACH_M), config.step_s)
         self._look(observer)
         receivers = Receiver(of_cars, sights), Receiver(of_arms, views)
         self._episode = WarehouseEpisode(
@@ -259,8 +256,8 @@ class DockingPlayer:
         played.require_fits(self._env)
         self._env.reset(seed=simulation.config.seed)
         self._period = max(1, round(config.step_s / simulation.tick_s))
-        self._begun_s = np.zeros(len(config.cars))
-        self._given_back_at = np.full(len(config.cars), NO_GOAL, dtype=np.int64)
+        self._begun_s = np.zeros(len(config.car_names))
+        self._given_back_at = np.full(len(config.car_names), NO_GOAL, dtype=np.int64)
         """State that each car was bound for when it was given back: the path follower brings it there. The driver
         forgets that a car was given back when it is brought back to its lane; here it still counts."""
 

@@ -89,7 +89,7 @@ class EnvConfig(ABC):
         """Steps per second of what is drawn."""
 
     @property
-    def cars(self) -> list[str]:
+    def car_names(self) -> list[str]:
         """Names of the agents that are cars, of the largest team."""
         most = self.n_cars if is_whole(self.n_cars) else max(self.n_cars)
         return [f"car_{car}" for car in range(most)]

@@ -104,7 +104,7 @@ class HandoverConfig(RecordedEnvConfig):
         return self.control_hz
 
     @property
-    def arms(self) -> list[str]:
+    def arm_names(self) -> list[str]:
         """Names of the agents that are arms: one per station of the site, pick stations first."""
         return [f"arm_{arm}" for arm in range(len(self.place.stations))]
 

@@ -137,7 +137,7 @@ class HandoverEnv(FleetEnv):
     config: HandoverConfig
 
     def __init__(self, config: HandoverConfig) -> None:
-        cars, arms = config.cars, config.arms
+        cars, arms = config.car_names, config.arm_names
         super().__init__(
             config,
             # Spaces of their own: seeding one must not seed another.
@@ -162,8 +162,7 @@ class HandoverEnv(FleetEnv):
         self._places = places_of(place.stations, scene.car, len(cars))
         stops = [graph.state_at(station.dock.cell, station.dock.heading) for station in place.stations]
         self._ways = lane_ways(graph, stops)
-        self._arm = agents_arm(scene)
-        self._hand = hand_model(self._arm)
+        self._hand = hand_model(agents_arm(scene))
         self._car_limits = np.array([scene.car.max_steering_rad, config.speed_mps])
         self._weights = config.weights or HandoverWeights()
         self._drawing: HandoverDrawing | None = None
@@ -251,11 +250,12 @@ class HandoverEnv(FleetEnv):
 
     def _tick(self, commands: FloatArray, wishes: FloatArray) -> None:
         """Advance the world by one tick."""
-        world, arm = self._world, self._arm
+        world, arms = self._world, self._scene.arms
         q = world.arm_positions()
         qd = np.empty_like(q)
         lead_tips(self._hand, q, np.ascontiguousarray(wishes[:, :N_TIP]), qd)
-        move_targets(self._targets, qd, q, arm.lower_rad, arm.upper_rad, world.tick_s)
+        limits = arms.lower_rad, arms.upper_rad, arms.max_velocity_radps
+        move_targets(self._targets, qd, q, *limits, world.tick_s)
         self._latches.tick(wishes[:, -1], world.held(), world.tick_s)
         world.step(commands, self._targets, qd, self._latches.closed)
 

@@ -240,7 +240,7 @@ def arm_rows(
         row[:] = 0.0
         targets[arm, 0], targets[arm, 1] = -1.0, 0.0
         for j in range(n_joints):
-            row[j] = arms.q[arm, j] / arms.hand.upper[j]
+            row[j] = arms.q[arm, j] / arms.hand.half[j]
         dx, dy = arms.tips[arm, 0] - arms.base[arm, 0], arms.tips[arm, 1] - arms.base[arm, 1]
         row[7], row[8] = math.hypot(dx, dy) / TIP_M, arms.around[arm] / MOST_RAD
         row[9] = (arms.tips[arm, 2] - arms.base[arm, 2]) / TIP_M

@@ -67,8 +67,8 @@ class LayerEnv(FleetEnv, Generic[ViewT]):
         super().__init__(
             config,
             # Spaces of their own: seeding one must not seed another.
-            observation_spaces={car: _space(n_numbers, n_actions) for car in config.cars},
-            action_spaces={car: Discrete(n_actions) for car in config.cars},
+            observation_spaces={car: _space(n_numbers, n_actions) for car in config.car_names},
+            action_spaces={car: Discrete(n_actions) for car in config.car_names},
         )
         n_cars = config.n_cars
         self.place = place

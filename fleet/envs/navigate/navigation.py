@@ -184,8 +184,8 @@ class NavigationEnv(FleetEnv):
         super().__init__(
             config,
             # Spaces of their own: seeding one must not seed another.
-            observation_spaces={car: _box(N_CAR_NUMBERS) for car in config.cars},
-            action_spaces={car: _box(2) for car in config.cars},
+            observation_spaces={car: _box(N_CAR_NUMBERS) for car in config.car_names},
+            action_spaces={car: _box(2) for car in config.car_names},
         )
         n_cars = config.n_cars
         self.state_space = _box(n_cars * N_CAR_NUMBERS)

@@ -11,13 +11,22 @@ import numpy.typing as npt
 from numba import njit
 
 from fleet.arrays import FloatArray
-from fleet.envs.warehouse.control.hands import N_TIP, TIP_MPS, TIP_RADPS
+from fleet.envs.warehouse.control.hands import (
+    N_TIP,
+    TIP_MPS,
+    TIP_RADPS,
+    hand_model,
+    is_ahead,
+    turning_joints,
+)
 from fleet.envs.warehouse.control.plans import Plans, planner_of
-from fleet.envs.warehouse.control.pursuit import Wheel, pursue
+from fleet.envs.warehouse.control.pursuit import Pursuit
 from fleet.envs.warehouse.env import WarehouseEnv
-from fleet.envs.warehouse.rows import AROUND_AT, N_JOINTS, REACH_M, Rows
+from fleet.envs.warehouse.rows import AROUND_AT, REACH_M, Rows, around
 from fleet.envs.warehouse.run.agent_simulation import AgentSimulation
+from fleet.robots.arms.spec import ArmSpec
 from fleet.stations.arms.arm_manager import ArmPlanner
+from planners.motion.arm.kinematics import link_frames
 
 _TIP, _ASKED, _HOLDS = 14, 29, 30  # entries of an arm's observation
 _TRAVEL_M, _HOVER_M = 0.5, 0.12
@@ -49,14 +58,8 @@ class PursuitCars:
         actions = np.zeros((len(cars), 2))
         if cars and env.config.car_action == "drive":
             scene, model = env.simulation.scene, env.config.action_model
-            wheel = Wheel(
-                diagonal_m=math.hypot(*scene.size_m),
-                wheelbase_m=scene.car.wheelbase_m,
-                max_steering_rad=scene.car.max_steering_rad,
-                max_speed_mps=model.speed_mps,
-                dead_band=model.dead_band,
-            )
-            pursue(_rows(observations, cars), wheel, actions)
+            pursuit = Pursuit(scene.cars, scene.size_m, model.speed_mps, model.dead_band)
+            actions = pursuit.actions(_rows(observations, cars), np.array(_numbers(cars)))
         return dict(zip(cars, actions.astype(np.float32), strict=True))
 
 
@@ -79,8 +82,9 @@ class PlannedArms:
     def act(self, env: WarehouseEnv, observations: Mapping[str, Any]) -> dict[str, Any]:
         """See `Policy`."""
         agents = [agent for agent in observations if agent.startswith("arm_")]
+        n_joints = dict(zip(env.config.arm_names, (kind.n_joints for kind in env.config.arm_kinds), strict=True))
         if env.config.arm_action == "residual" or not agents:
-            return {agent: np.zeros(N_JOINTS + 1, dtype=np.float32) for agent in agents}
+            return {agent: np.zeros(n_joints[agent] + 1, dtype=np.float32) for agent in agents}
         simulation = env.simulation
         if simulation is not self._simulation:
             self._begin(simulation)
@@ -91,9 +95,9 @@ class PlannedArms:
             plans.tick(held)
         speeds = (plans.q - before) / step_s / simulation.scene.arms.max_velocity_radps
         grip = np.where(plans.grip, 1.0, -1.0)
-        arms = [int(agent.rpartition("_")[2]) for agent in agents]
         return {
-            agent: np.append(speeds[arm], grip[arm]).astype(np.float32) for agent, arm in zip(agents, arms, strict=True)
+            agent: np.append(speeds[arm, : n_joints[agent]], grip[arm]).astype(np.float32)
+            for agent, arm in zip(agents, _numbers(agents), strict=True)
         }
 
     def _begin(self, simulation: AgentSimulation) -> None:
@@ -117,11 +121,11 @@ class PointingArms:
 
     def act(self, env: WarehouseEnv, observations: Mapping[str, Any]) -> dict[str, Any]:
         """See `Policy`."""
-        del env
         arms = [agent for agent in observations if agent.startswith("arm_")]
         actions = np.zeros((len(arms), N_TIP + 1))
         if arms:
-            _point(_rows(observations, arms), actions)
+            specs = env.simulation.scene.arms.specs
+            _point(_rows(observations, arms), np.array([_ways_of(specs[arm]) for arm in _numbers(arms)]), actions)
         return dict(zip(arms, actions.astype(np.float32), strict=True))
 
 
@@ -143,6 +147,23 @@ class Classical:
         return self._cars.act(env, observations) | arms.act(env, observations)
 
 
+def _numbers(agents: list[str]) -> list[int]:
+    """Numbers of the agents' robots."""
+    return [int(agent.rpartition("_")[2]) for agent in agents]
+
+
+def _ways_of(spec: ArmSpec) -> list[float]:
+    """How an arm gets about: what the first and the third joint, as they are observed, and 1 are multiplied by, so that
+    their sum says to which side it has turned; whether it goes around ahead of its base; and how high its tip is on
+    its way with a parcel and at rest, no higher than its model has it at rest [m]."""
+    turning, hand = turning_joints(spec), hand_model(spec)
+    first, third = (turning * hand.half / hand.half[0])[[0, 2]].tolist()
+    to_side = float(turning @ hand.middle) / float(hand.half[0])
+    flange = link_frames(spec.base_from_joint, spec.home_rad)[-1]
+    high_m = round(float(flange[2, 3] + spec.tool_length_m * flange[2, 2]), 2)
+    return [first, third, to_side, float(is_ahead(spec)), min(_TRAVEL_M, high_m), min(_REST_M[1], high_m)]
+
+
 def _rows(observations: Mapping[str, Any], agents: list[str]) -> npt.NDArray[np.float32]:
     """Rows of agents, shape (n, k)."""
     seen = [observations[agent] for agent in agents]
@@ -150,7 +171,7 @@ def _rows(observations: Mapping[str, Any], agents: list[str]) -> npt.NDArray[np.
 
 
 @njit(cache=True)
-def _point(rows: Rows, out: FloatArray) -> None:  # pragma: no cover - compiled
+def _point(rows: Rows, ways: FloatArray, out: FloatArray) -> None:  # pragma: no cover - compiled
     """Fill in the actions of arms that go up, around and down."""
     for arm in range(len(rows)):
         row = rows[arm].astype(np.float64)
@@ -162,11 +183,15 @@ def _point(rows: Rows, out: FloatArray) -> None:  # pragma: no cover - compiled
         )
         if row[_ASKED] == 0.0 or (is_set and row[_HOLDS] == 0.0):
             away = _REST_M[0] - radius
-            # By the way it came: joints 1 and 3 tell which.
-            turn = -math.atan2(-y, -x)
-            if abs(turn) > 0.5 * math.pi and turn * (row[0] + row[2]) > 0.0:
-                turn += -2.0 * math.pi if turn > 0.0 else 2.0 * math.pi
-            up = _REST_M[1] - z
+            # By the way it came: the joints that turn it about its base tell which.
+            turned = ways[arm, 0] * row[0] + ways[arm, 1] * row[2] + ways[arm, 2]
+            if ways[arm, 3] > 0.0:
+                turn = math.copysign(math.pi, turned) - around(x, y, turned, True)
+            else:
+                turn = -math.atan2(-y, -x)
+                if abs(turn) > 0.5 * math.pi and turn * turned > 0.0:
+                    turn += -2.0 * math.pi if turn > 0.0 else 2.0 * math.pi
+            up = ways[arm, 5] - z
         else:
             holds = row[_HOLDS] > 0.0
             at = AROUND_AT + 3 if holds else AROUND_AT
@@ -174,7 +199,7 @@ def _point(rows: Rows, out: FloatArray) -> None:  # pragma: no cover - compiled
             is_over = math.hypot(away, radius * turn) < _OVER_M
             grip = 1.0
             if not is_over:
-                up = _TRAVEL_M - z if holds else up + _HOVER_M
+                up = ways[arm, 4] - z if holds else up + _HOVER_M
                 if (holds and up > 0.05) or (not holds and up > 0.05):
                     away, turn = 0.0, 0.0
             elif holds and up > -_TOUCH_M:

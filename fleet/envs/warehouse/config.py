@@ -9,21 +9,31 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
 
-from fleet.config import ArmConfig, BatteryConfig, Fidelity, RunConfig, TrafficConfig, require
+from fleet.config import USUAL_MODEL, ArmConfig, BatteryConfig, Fidelity, RunConfig, TrafficConfig, require
 from fleet.config.field_checks import is_number, is_whole
 from fleet.envs.core.env_config import RecordedEnvConfig
 from fleet.envs.warehouse.control.actions import ARM_ACTIONS, CAR_ACTIONS
 from fleet.envs.warehouse.control.commands import ActionModel
 from fleet.envs.warehouse.levels import LEVELS, End, Level
 from fleet.envs.warehouse.rewards import RewardWeights
+from fleet.envs.warehouse.rows import N_JOINTS
 from fleet.envs.warehouse.run.agent_driver import STOP_M, STOP_RAD
 from fleet.envs.warehouse.run.agent_simulation import Agents
 from fleet.envs.warehouse.run.breakdowns import Breakdowns
+from fleet.envs.warehouse.run.grounds import physics_steps
 from fleet.envs.warehouse.run.starts import Start
 from fleet.envs.warehouse.sensing import Sensing
+from fleet.robots import ARMS, CARS
+from fleet.robots.arms.kind import ArmKind
+from fleet.robots.cars.models import CarModels
+from fleet.robots.cars.words import car_configs, read_cars
+from fleet.robots.spec import DriveKind
+from fleet.run.lanes import lanes_for
 from fleet.sensors.lidar import Lidar
 
 FIDELITIES = (Fidelity.KINEMATIC, Fidelity.MIXED, Fidelity.PHYSICS)
+LEGS_HZ = 120.0
+"""Physics steps per second that the gaits of cars on legs are made for: with twice as many they hardly get on."""
 TICKS_HZ = 20.0
 """Least rate of ticks: the car of the classical fleet steers well at it."""
 
@@ -46,9 +56,13 @@ class WarehouseConfig(RecordedEnvConfig):
     that follow where they are None."""
     site: str = "cell"
     """Name of a shipped site or path of a site file."""
+    cars: str | None = None
+    """Model of each car, those of agents first, in words as `--cars` takes them: MODEL:NUMBER,MODEL:NUMBER; None = all
+    are of the usual one."""
     n_cars: int | tuple[int, int] | None = None
-    """Cars that are agents; with two numbers, drawn anew for each episode from the first to the second one; None = as
-    the level has it: 1 in `dock` and `pair`, 0 in `transfer`, else 2."""
+    """Cars that are agents; with two numbers, drawn anew for each episode from the first to the second one; None = all
+    in `cars`, but none in `transfer`, or without these as the level has it: 1 in `dock` and `pair`, 0 in `transfer`,
+    else 2."""
     n_arms: int | None = None
     """Arms that are agents, first ones first; None = none in `dock`, else all of the site."""
     fidelity: str = "kinematic"
@@ -60,21 +74,24 @@ class WarehouseConfig(RecordedEnvConfig):
     tasks: int | None = None
     """Deliveries on order in an episode that begins with parked cars, or cars anywhere; None = one per car."""
     classical_cars: int | None = None
-    """Cars of the classical fleet, beside those of agents; None = in `transfer` one for each dock, else none."""
+    """Cars of the classical fleet, beside those of agents; None = the rest of `cars`, or without these in `transfer`
+    one for each dock, else none."""
     start: Start | Mapping[str, Any] | None = None
     """How an episode begins, or what differs there from the level's way; None = parked in `all`, near the dock in
     `dock` and `pair`, in the dock in `transfer`."""
     car_action: str = "drive"
-    """`drive`: steering and speed; `residual`: both are added to those of the classical controller."""
+    """`drive`: steering and speed, or yaw rate and speed of a car that turns on the spot; `residual`: both are added to
+    those of the classical controller."""
     arm_action: str = "joint"
     """`joint`: velocities of the joints; `tip`: of the tool's tip, which points down; `residual`: added to the plan."""
     speed_mps: float = 1.0
-    """Speed of a car at full action [m/s]."""
+    """Speed of a car at full action, as far as its model goes so fast [m/s]."""
     dead_band: float = 0.1
-    """A car brakes when its speed is told to be less than this share of the full one."""
+    """A car brakes when its speed is told to be less than this share of the full one, and its yaw rate, too, if it
+    turns on the spot."""
     ramp: bool = False
     """Whether cars approach a told speed within the limits of acceleration of their model in physics, too, as they do
-    without it; else as fast as motors and tyres can."""
+    without it; else as fast as motors and tyres can. Cars that turn on the spot always do, in speed and yaw rate."""
     residual: float = 0.3
     """Weight of residual actions."""
     pace: float | None = None
@@ -109,13 +126,16 @@ class WarehouseConfig(RecordedEnvConfig):
     def __post_init__(self) -> None:
         require(isinstance(self.site, str | Path), "site", self.site, "a name or a path")
         require(self.level in list(LEVELS), "level", self.level, ", ".join(LEVELS))
+        require(self.fidelity in FIDELITIES, "fidelity", self.fidelity, ", ".join(FIDELITIES))
+        cars_ok = self.cars is None or isinstance(self.cars, str)
+        require(cars_ok, "cars", self.cars, f"MODEL:NUMBER,... of the models {', '.join(CARS)}, or None")
         self._fill_in()
         self._check_team()
-        require(self.fidelity in FIDELITIES, "fidelity", self.fidelity, ", ".join(FIDELITIES))
         _require_number("control_hz", self.control_hz, 0.1, 1000.0)
         _require_number("physics_hz", self.physics_hz, 60.0, 10_000.0)
         require(self.car_action in CAR_ACTIONS, "car_action", self.car_action, ", ".join(CAR_ACTIONS))
         require(self.arm_action in list(ARM_ACTIONS), "arm_action", self.arm_action, ", ".join(ARM_ACTIONS))
+        self._check_robots()
         require(isinstance(self.ramp, bool), "ramp", self.ramp, "True, False")
         if self.pace is not None:
             _require_number("pace", self.pace, 0.0, 4.0)
@@ -136,9 +156,32 @@ class WarehouseConfig(RecordedEnvConfig):
         return self.control_hz
 
     @property
-    def arms(self) -> list[str]:
-        """Names of the agents that are arms."""
-        return [f"arm_{arm}" for arm in range(self.n_arms or 0)]
+    def car_names(self) -> list[str]:
+        """Names of the agents that are cars, of the largest team: `car_0`, of other models than the usual one
+        `car_MODEL_0`."""
+        return [_named("car", model, USUAL_MODEL, car) for car, model in enumerate(self._models[: self.team_sizes[1]])]
+
+    @property
+    def arm_names(self) -> list[str]:
+        """Names of the agents that are arms: `arm_0`, of other models than the usual one `arm_MODEL_0`."""
+        usual = ArmConfig().model
+        return [_named("arm", kind.name, usual, arm) for arm, kind in enumerate(self.arm_kinds)]
+
+    @functools.cached_property
+    def arm_kinds(self) -> tuple[ArmKind, ...]:
+        """Model of each arm that is an agent."""
+        site, usual = self.place.name, ArmConfig().model
+        return tuple(
+            ARMS.named(station.arm.model or usual, f"site {site}: stations.{station.name}.arm")
+            for station in self.place.stations[: self.n_arms]
+        )
+
+    @property
+    def _models(self) -> tuple[str, ...]:
+        """Model of each car, those of the largest team of agents first."""
+        if self.cars is not None:
+            return read_cars(self.cars, "cars")
+        return (USUAL_MODEL,) * (self.team_sizes[1] + (self.classical_cars or 0))
 
     @property
     def team_sizes(self) -> tuple[int, int]:
@@ -207,9 +250,11 @@ class WarehouseConfig(RecordedEnvConfig):
     def run_config(self, n_cars: int) -> RunConfig:
         """Settings of the run with so many agents' cars, but for the seed."""
         n_robots = n_cars + (self.classical_cars or 0)
+        models = self._models
         return RunConfig(
             site=self.site,
             robots=n_robots,
+            cars=car_configs((*models[:n_cars], *models[self.team_sizes[1] :]), n_robots, None),
             tasks=n_robots if self.tasks is None else self.tasks,
             fidelity=Fidelity(self.fidelity),
             traffic=TrafficConfig(planner="pibt"),  # how cars drive is part of what a version of the environment means
@@ -223,14 +268,26 @@ class WarehouseConfig(RecordedEnvConfig):
         n_arms = self.n_arms
         if n_arms is None:
             n_arms = len(place.stations) if level.n_arms is None else level.n_arms
-        n_cars: Any = level.n_cars if self.n_cars is None else self.n_cars
+        n_named = None if self.cars is None else len(read_cars(self.cars, "cars"))
+        room = len(place.parking)
+        require((n_named or 0) <= room, "cars", self.cars, f"at most {room} cars on site {place.name}")
+        n_cars: Any = self.n_cars
+        if n_cars is None:
+            n_cars = level.n_cars if n_named is None or level.n_cars == 0 else n_named
         if isinstance(n_cars, list):
             n_cars = tuple(n_cars)
+        classical_cars: Any = self.classical_cars
+        if classical_cars is None:
+            if n_named is None:
+                classical_cars = self._docks_of(level, n_arms)
+            else:
+                most = n_cars[-1] if isinstance(n_cars, tuple) and n_cars else n_cars
+                classical_cars = max(n_named - most, 0) if is_whole(most) else 0
         filled: dict[str, Any] = {
             "n_arms": n_arms,
             "n_cars": n_cars,
             "max_cycles": level.max_cycles if self.max_cycles is None else self.max_cycles,
-            "classical_cars": self._docks_of(level, n_arms) if self.classical_cars is None else self.classical_cars,
+            "classical_cars": classical_cars,
             "start": Start.of(self.start, level.start),
             "breakdowns": Breakdowns.of(self.breakdowns),
             "car_sensing": Sensing.of(self.car_sensing, "car_sensing"),
@@ -263,6 +320,27 @@ class WarehouseConfig(RecordedEnvConfig):
         _require_whole("classical_cars", self.classical_cars, 0, most_cars - most, room)
         n_robots = least + (self.classical_cars or 0)
         require(n_robots >= 1, "n_cars + classical_cars", n_robots, "at least one car")
+        n_models, n_all = len(self._models), most + (self.classical_cars or 0)
+        require(n_models == n_all, "cars", self.cars, f"{n_all} cars, which n_cars + classical_cars are")
+
+    def _check_robots(self) -> None:
+        """Refuse models that do not fit the site or the other settings."""
+        most = max((kind.n_joints for kind in self.arm_kinds), default=0)
+        where = f"joints of an agent's arm on site {self.place.name}"
+        require(most <= N_JOINTS, where, most, f"at most {N_JOINTS}")
+        models = CarModels.named(self._models)
+        if len(models.kinds) == 1 and models.kinds[0].name == USUAL_MODEL:
+            return
+        valid = "kinematic or physics for cars of several models, or that do not steer"
+        alike = len(models.kinds) == 1 and models.kinds[0].steers
+        require(alike or self.fidelity != Fidelity.MIXED, "fidelity", self.fidelity, valid)
+        if self.fidelity == Fidelity.PHYSICS:
+            legs = ", ".join(kind.name for kind in models.kinds if kind.drive is DriveKind.LEGGED)
+            tick_s = self.step_s / self.n_ticks
+            steps_hz = physics_steps(self.physics_hz, tick_s) / tick_s
+            fits = not legs or abs(steps_hz / LEGS_HZ - 1.0) <= 0.1
+            require(fits, "physics_hz", self.physics_hz, f"{LEGS_HZ:g}, for cars on legs ({legs})")
+        lanes_for(self.place, models)
 
     def _check_camera(self) -> None:
         camera = self.camera
@@ -284,6 +362,11 @@ _RANGES = (
     ("team_share", 0.0, 1.0),
 )
 """Settings that are numbers, with the least and the greatest value."""
+
+
+def _named(kind: str, model: str, usual: str, number: int) -> str:
+    """Name of an agent; the words before its number are its type."""
+    return f"{kind}_{number}" if model == usual else f"{kind}_{model}_{number}"
 
 
 def _require_whole(what: str, value: object, low: int, high: int, where: str) -> None:

@@ -48,11 +48,12 @@ class RunDrawing:
     def picture(self) -> Picture:
         """The run now, north up, shape (height, width, 3)."""
         simulation = self._simulation
-        world, spec = simulation.world, simulation.scene.car
+        world, models = simulation.world, simulation.scene.cars
         image = self._background.copy()
         poses = world.car_poses()
-        body = ((spec.front_m - spec.rear_m) / 2, (spec.front_m + spec.rear_m) / 2)
         for car, pose in enumerate(poses):
+            spec = models[car]
+            body = ((spec.front_m - spec.rear_m) / 2, (spec.front_m + spec.rear_m) / 2)
             self._dots(image, simulation.driver.remaining(car), 0.03, PATH)
             goal = int(simulation.traffic.goals[car])
             if goal >= 0:

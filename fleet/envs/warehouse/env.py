@@ -13,7 +13,9 @@ actions take the place of the path follower and of the arm planner. `level` says
 It is terminated for all agents then, and truncated for all after `max_cycles` steps. `start` has cars begin elsewhere
 (`fleet.envs.warehouse.run.starts`); each level can be played with any team, start, actions and fidelity.
 
-Agents: `car_0`, `car_1`, ... and `arm_0`, `arm_1`, ... (one arm per station of the site, pick stations first). Arms
+Agents: `car_0`, `car_1`, ... and `arm_0`, `arm_1`, ... (one arm per station of the site, pick stations first). `cars`
+names models of cars, sites name models of arms: a robot of another model than the usual one has it in its name, as
+`car_MODEL_2` or `arm_MODEL_0`, so that agents of one type, which is the name without the number, are alike. Arms
 beyond `n_arms` and the `classical_cars` behind the agents' are the classical fleet's. With `n_cars=(2, 5)` each episode
 has a team of 2 to 5 cars; `possible_agents` has the largest. A car that is lost for good (`breakdowns`, an empty
 `battery`) is terminated: it leaves `agents` and is back in the next episode. One that only stops for a while stays an
@@ -26,16 +28,22 @@ the wrong shape is refused and changes nothing.
 | agent | entries |
 |---|---|
 | car, `car_action="drive"` | steering / 0.8 rad (positive = left), speed / `speed_mps` (negative = reverse) |
+| the same, if it turns on the spot | yaw rate / its model's greatest (positive = left), speed / `speed_mps` |
 | car, `"residual"` | the same, times `residual`, added to pure pursuit of its route |
-| arm, `arm_action="joint"` | 7 joint velocities / the joints' limits, grip (> 0 = hold) |
+| arm, `arm_action="joint"` | velocities of its joints, 7 of the usual one / their limits, grip (> 0 = hold) |
 | arm, `"tip"` | tip outwards from the base / 0.5 m/s, around it / 1 rad/s, up / 0.5 m/s, turn / 1 rad/s; grip |
-| arm, `"residual"` | 7 joints away from the plan / 0.2 rad, times `residual`; the plan's pace above 1, times `pace` |
+| arm, `"residual"` | joints away from the plan / 0.2 rad, times `residual`; the plan's pace above 1, times `pace` |
 
-A speed within `dead_band` brakes. With `tip` the tool points down. A grip closes at once, and opens when it was told
-to for `hold_s` without a break; then it stays open for twice as long. A plan is played at its pace as far as no joint
-exceeds its speed limit; accelerations grow with the square of the pace, up to what the motors can.
+A speed within `dead_band` brakes, of a car that turns on the spot if its yaw rate is so, too. At full action a car that
+does not go as fast as `speed_mps` goes as fast as its model. Limits of steering and speed are those of each car's
+model; rims or feet that cannot do speed and yaw rate together do as much of both. With `tip` the tool points down. A
+grip closes at once, and opens when it was told to for `hold_s` without a break; then it stays open for twice as long. A
+plan is played at its pace as far as no joint exceeds its speed limit; accelerations grow with the square of the pace,
+up to what the motors can.
 
-The usual car has a wheelbase of 0.325 m: at a steering angle s its rear axle turns by speed * tan(s) / 0.325 m.
+Cars that turn on the spot are told yaw rates: theirs stand in the place of steering in observations, too, and their
+routes lead from corner to corner. The usual car has a wheelbase of 0.325 m: at a steering angle s its rear axle turns
+by speed * tan(s) / 0.325 m.
 
 A car does what its task asks for when it follows the granted path, which the observed way-points show, and stands at
 its end: within `stop_m` and `stop_rad` of the dock's stop pose a transfer begins. A car that leaves its path makes no
@@ -49,7 +57,7 @@ x towards the dock. A route is a car's granted path and up to two moves of what 
 |---|---|
 | 0-1 | estimated position on the floor, -1 = west or south edge, 1 = east or north edge |
 | 2-3 | cos, sin of the yaw |
-| 4-5 | speed / 2 m/s, steering / 0.8 rad |
+| 4-5 | speed / 2 m/s, steering / 0.8 rad: over the greatest of its model |
 | 6-7 | offset to the goal in the car's frame / the floor's diagonal |
 | 8-9 | cos, sin of the goal's heading in the car's frame |
 | 10-13 | mission: drives to a pick dock, is loaded, drives to a drop dock, is unloaded (0 or 1; none: parks or waits) |
@@ -70,8 +78,8 @@ x towards the dock. A route is a car's granted path and up to two moves of what 
 
 | arm | entries |
 |---|---|
-| 0-6 | joint positions, -1 = lower limit, 1 = upper limit |
-| 7-13 | joint velocities / limits |
+| 0-6 | joint positions, -1 = lower limit, 1 = upper limit; 0 for joints that it does not have |
+| 7-13 | joint velocities / limits, the same way |
 | 14-16 | tool tip in the arm's frame / 1.5 m |
 | 17-19 | direction in which the tool points, in the arm's frame |
 | 20-22 | from the tip to the middle of the parcel's top / 1.5 m |
@@ -89,7 +97,7 @@ x towards the dock. A route is a car's granted path and up to two moves of what 
 | 56 | a car is served: it stands in the dock (0 or 1) |
 | 57 | how long the transfer has gone on / 30 s |
 | 58 | share of the episode's steps that is left |
-| 59-66 | its last action, as it was played |
+| 59-66 | its last action, as it was played; grip or pace last, 0 for joints that it does not have |
 
 An arm's parcel is that of its transfer, else the one in its grip, else the nearest within 1.5 m. With `camera`, all
 observations are dictionaries with the row (`row`), those of cars also with what a camera on the nose sees (`image`,
@@ -100,9 +108,10 @@ agents without lidar, as they are, one after the other; zeros for cars that are 
 
 Physics runs at `physics_hz` at least; orders, right of way and the other decisions are made once per tick, of which
 there are at least 20 a second and a whole number per step. Agents' cars change their speed as fast as motors and tyres
-can, by 6 to 9 m/s^2, unless `ramp` holds them to what their model gains and loses at most (1.5 and 2.5 m/s^2). In
-fidelity kinematic it is always so, nothing is stopped by contacts, which are counted only, and lidar sees cars, walls,
-shelves, pedestals and the feet of arms.
+can, by 6 to 9 m/s^2, unless `ramp` holds them to what their model gains and loses at most (1.5 and 2.5 m/s^2); those
+that turn on the spot are always held to that. In fidelity kinematic it is always so, nothing is stopped by contacts,
+which are counted only, and lidar sees cars, walls, shelves, pedestals and the feet of arms. Cars on legs need a
+`physics_hz` of 120. Arms stand as high as the highest tray of an episode's cars asks for.
 """
 
 from __future__ import annotations
@@ -122,12 +131,12 @@ from fleet.envs.core.base import EpisodeError, FleetEnv, Infos, Picture, in_orde
 from fleet.envs.warehouse.config import WarehouseConfig
 from fleet.envs.warehouse.control.actions import ARM_ACTIONS, N_CAR_ENTRIES, LegalActions, legal_actions
 from fleet.envs.warehouse.control.commands import Commands
-from fleet.envs.warehouse.control.hands import agents_arm, hand_model
+from fleet.envs.warehouse.control.hands import hands_of
 from fleet.envs.warehouse.control.plans import Plans
 from fleet.envs.warehouse.control.reach import reach_down
 from fleet.envs.warehouse.drawing import RunDrawing
 from fleet.envs.warehouse.levels import is_over
-from fleet.envs.warehouse.observations import Observer, Told
+from fleet.envs.warehouse.observations import Observer, Told, rings_of
 from fleet.envs.warehouse.recorded import Recording
 from fleet.envs.warehouse.rewards import TERMS, Rewards, RewardWeights
 from fleet.envs.warehouse.rows import N_CAR_NUMBERS, REACH_M, Rows
@@ -139,7 +148,6 @@ from fleet.envs.warehouse.sensing import Receiver
 from fleet.envs.warehouse.spaces import action_spaces, observation_spaces, state_space
 from fleet.missions.phases import CarPhase
 from fleet.sensors.camera import Camera
-from fleet.sensors.lidar import LidarRing
 
 EYE_HEIGHT_M = 0.15
 """Of a car's camera, on its nose [m]."""
@@ -189,7 +197,7 @@ class WarehouseEnv(FleetEnv):
     def __init__(self, config: WarehouseConfig) -> None:
         super().__init__(config, observation_spaces(config), action_spaces(config))
         self.state_space = state_space(config)
-        self._cars, self._arms = config.cars, config.arms
+        self._cars, self._arms = config.car_names, config.arm_names
         self._lidar = config.car_lidar
         self._weights = config.weights or RewardWeights()
         agents = config.agents(len(self._cars))
@@ -230,7 +238,7 @@ class WarehouseEnv(FleetEnv):
             EpisodeError: There was no `reset` yet.
         """
         observer = self._now().observer
-        rows = np.zeros((len(self.config.cars), N_CAR_NUMBERS), dtype=np.float32)
+        rows = np.zeros((len(self.config.car_names), N_CAR_NUMBERS), dtype=np.float32)
         rows[: len(self._cars)] = observer.car_rows[:, :N_CAR_NUMBERS]
         return np.concatenate((rows.ravel(), observer.arm_rows.ravel()))
 
@@ -254,7 +262,7 @@ class WarehouseEnv(FleetEnv):
         rng = np.random.default_rng(start)
         least, most = config.team_sizes
         n_cars = int(rng.integers(least, most + 1))
-        self._cars = config.cars[:n_cars]
+        self._cars = config.car_names[:n_cars]
         agents, run_config = config.agents(n_cars), config.run_config(n_cars)
         ground = self._ground = self._grounds.open(run_config)
         world, begins = ground.world, config.begins
@@ -267,24 +275,22 @@ class WarehouseEnv(FleetEnv):
         simulation = AgentSimulation(
             run_config.seeded(orders),
             setup=ground.setup,
-            planner=self._grounds.planner,
+            planner=ground.planner,
             agents=agents,
             beginning=beginning,
         )
         if begins.reach_m is not None:
             world.place(world.car_poses(), self._postures(simulation, beginning.errands, begins.reach_m, rng))
-        car, ring = simulation.scene.car, None
-        if self._lidar is not None:
-            ring = LidarRing(self._lidar, car.front_m, car.rear_m, car.half_width_m)
+        rings = rings_of(self._lidar, simulation.scene.cars.some(np.arange(n_cars)))
         of_cars, of_arms = config.sensing
         observer = Observer(
             simulation,
-            ring,
+            rings,
             np.random.default_rng(lidar),
             (of_cars.range_m, min(of_arms.range_m, REACH_M)),
             config.step_s,
         )
-        plans = Plans(simulation, self._grounds.planner) if config.arm_action == "residual" else None
+        plans = Plans(simulation, ground.planner) if config.arm_action == "residual" else None
         commands = Commands(simulation, config.action_model, plans)
         fates, sights, views = (np.random.default_rng(one) for one in (fate, senses, senses + 1))
         clock = BreakdownClock(config.failures, n_cars, fates)
@@ -318,7 +324,9 @@ class WarehouseEnv(FleetEnv):
         return {agent: {**dict.fromkeys(TERMS, 0.0), "illegal": False} for agent in self._team()}
 
     def _resolved(self, actions: Mapping[str, Any]) -> LegalActions:
-        return legal_actions(actions, self._cars, self._arms, self.config.arm_action)
+        config = self.config
+        joints = [kind.n_joints for kind in config.arm_kinds]
+        return legal_actions(actions, self._cars, self._arms, config.arm_action, joints)
 
     def _advance(self, resolved: LegalActions) -> tuple[dict[str, float], bool, Infos]:
         episode, config = self._now(), self.config
@@ -392,7 +400,7 @@ class WarehouseEnv(FleetEnv):
         """A copy that shares what lasts from episode to episode."""
         setup = ground.setup
         parts = setup.site, setup.graph, setup.graph.state_pose, setup.scene, setup.distances, setup.world
-        lasting = (*parts, self._grounds.planner, episode.simulation.config)
+        lasting = (*parts, ground.planner, episode.simulation.config)
         return copy.deepcopy(episode, {id(thing): thing for thing in lasting})
 
     def _now(self) -> WarehouseEpisode:
@@ -409,8 +417,8 @@ class WarehouseEnv(FleetEnv):
     ) -> FloatArray:
         """Joint positions of all arms [rad]: agents' arms near the parcels that they are to move."""
         world, scene = simulation.world, simulation.scene
-        q, arm = world.arm_positions(), agents_arm(scene)
-        hand = hand_model(arm)
+        q = world.arm_positions()
+        of_arm = {arm: hands for hands in hands_of(scene.arms, len(self._arms)) for arm in hands.arms.tolist()}
         for task, errand in zip(simulation.board.tasks, errands, strict=True):
             if errand.station >= len(self._arms) or task.parcel not in world.parcel_ids():
                 continue
@@ -421,7 +429,8 @@ class WarehouseEnv(FleetEnv):
             x, y, z, yaw = scene.arm_base[errand.station].tolist()
             dx, dy, up = (top + away - [x, y, z]).tolist()
             cos, sin = math.cos(yaw), math.sin(yaw)
-            q[errand.station] = reach_down(hand, arm, np.array([cos * dx + sin * dy, cos * dy - sin * dx, up]))
+            hands, point = of_arm[errand.station], np.array([cos * dx + sin * dy, cos * dy - sin * dx, up])
+            q[errand.station, : hands.spec.n_joints] = reach_down(hands, point)
         return q
 
     def _image(self, car: int) -> npt.NDArray[np.uint8]:
@@ -430,7 +439,7 @@ class WarehouseEnv(FleetEnv):
         scene = self.simulation.scene
         x, y, yaw = self.simulation.world.car_poses()[car].tolist()
         ahead = np.array([math.cos(yaw), math.sin(yaw), 0.0])
-        eye = np.array([x, y, EYE_HEIGHT_M]) + scene.car.front_m * ahead
+        eye = np.array([x, y, EYE_HEIGHT_M]) + scene.cars[car].front_m * ahead
         camera = Camera.looking_at(f"car_{car}", eye_m=eye, target_m=eye + ahead, width_px=width, height_px=height)
         return self.simulation.world.image(camera).rgb
 

@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from fleet.arrays import FloatArray
-from fleet.envs.warehouse.control.hands import agents_arm
+from fleet.arrays import FloatArray, IntArray
+from fleet.envs.warehouse.control.hands import is_ahead, turning_joints
 from fleet.envs.warehouse.rows import (
     MOST_ROUTE_POINTS,
     N_ARM_NUMBERS,
@@ -28,8 +28,10 @@ from fleet.envs.warehouse.rows import (
     car_rows,
 )
 from fleet.envs.warehouse.run.agent_simulation import AgentSimulation
+from fleet.envs.warehouse.run.starts import dock_states
 from fleet.missions.phases import AT_DOCK, PHASES, CarPhase
-from fleet.sensors.lidar import LidarRing
+from fleet.robots.cars.models import CarModels
+from fleet.sensors.lidar import Lidar, LidarRing
 from fleet.stations.arms.arm_controller import ArmPhase
 from fleet.stations.arms.transfer import TRAY, TransferRequest
 
@@ -41,6 +43,9 @@ _LOOKS_AT_ONCE = 16
 """Looks whose noise is drawn at once."""
 _SERVED = np.array([phase in AT_DOCK for phase in PHASES])
 _MISSION_OF = np.array([MISSIONS.index(phase) if phase in MISSIONS else -1 for phase in PHASES])
+
+Rings = tuple[tuple[IntArray, LidarRing], ...]
+"""Lidars by model: which cars have one, and its rays."""
 
 
 class Told(NamedTuple):
@@ -65,7 +70,7 @@ class Observer:
 
     Args:
         simulation: The run.
-        ring: Lidar of the agents' cars; None = they have none.
+        rings: Lidars of the agents' cars; none = they have none.
         rng: Source of its noise.
         sight_m: How far cars and arms see what moves [m].
         step_s: Time from one look to the next [s].
@@ -74,19 +79,19 @@ class Observer:
     def __init__(
         self,
         simulation: AgentSimulation,
-        ring: LidarRing | None,
+        rings: Rings,
         rng: np.random.Generator,
         sight_m: tuple[float, float],
         step_s: float,
     ) -> None:
         self._simulation = simulation
-        self._ring = ring
+        self._rings = rings
         self._rng = rng
         self._noises: list[FloatArray] = []  # of the coming looks, the next one last
         self._n_looks = 1  # a reset does not wait for the noise of later looks
         world, scene, graph = simulation.world, simulation.scene, simulation.graph
         n_cars, n_arms = simulation.n_cars, simulation.n_arms
-        n_rays = 0 if ring is None else ring.lidar.n_rays
+        n_rays = rings[0][1].lidar.n_rays if rings else 0
         self.car_rows = np.zeros((n_cars, N_CAR_NUMBERS + n_rays), dtype=np.float32)
         """Observations of the agents' cars, shape (n_cars, N_CAR_NUMBERS + n_rays)."""
         self.arm_rows = np.zeros((n_arms, N_ARM_NUMBERS), dtype=np.float32)
@@ -97,20 +102,26 @@ class Observer:
         """How far the rays of the agents' cars came, as shares of their lengths, shape (n_cars * n_rays,)."""
         self.poses = world.car_poses()
         """Where cars are believed to be now, shape (n_cars, 3)."""
+        models = scene.cars
+        self._steers = models.each("turn_base_m") > 0.0
         self._car_ground = CarGround(
-            limits=np.array([scene.car.max_speed_mps, scene.car.max_steering_rad]),
+            limits=np.stack((models.each("max_speed_mps"), models.each("max_turn")), axis=1),
+            steers=self._steers,
             size_m=np.asarray(scene.size_m, dtype=np.float64),
             state_pose=graph.state_pose,
-            docks=graph.state_pose[[station.dock_state for station in simulation.stations]].reshape(-1, 3),
+            docks=graph.state_pose[dock_states(graph, simulation.site)][models.kind_of],
             mission_of=_MISSION_OF,
         )
-        arm = agents_arm(scene)
+        team = scene.arms
         self._arm_ground = ArmGround(
-            lower=arm.lower_rad,
-            upper=arm.upper_rad,
-            max_velocity=arm.max_velocity_radps,
-            joints=arm.joints,
-            tool_length_m=arm.tool_length_m,
+            n_joints=team.n_joints,
+            lower=team.lower_rad,
+            upper=team.upper_rad,
+            max_velocity=team.max_velocity_radps,
+            joints=team.joints,
+            turning=team.padded(turning_joints, 0.0),
+            is_ahead=np.array([is_ahead(spec) for spec in team.specs], dtype=np.bool_),
+            tool_length_m=team.tool_length_m,
             base=scene.arm_base,
         )
         self._routes = Routes(
@@ -154,9 +165,15 @@ class Observer:
         """Where a transfer's parcel should come to rest, in the world: its centre [m] and yaw [rad], shape (4,)."""
         simulation = self._simulation
         if transfer.place_via == TRAY:
-            car = simulation.scene.car
+            car = simulation.scene.cars.hulls[transfer.tray]
             x, y, yaw = transfer.car_pose
-            top = np.array([x + car.tray_x_m * math.cos(yaw), y + car.tray_x_m * math.sin(yaw), car.tray_floor_z_m])
+            ahead, left, cos, sin = (
+                car.tray_x_m + transfer.tray_at_m[0],
+                transfer.tray_at_m[1],
+                math.cos(yaw),
+                math.sin(yaw),
+            )
+            top = np.array([x + ahead * cos - left * sin, y + ahead * sin + left * cos, car.tray_floor_z_m])
         else:
             top = np.asarray(simulation.stations[transfer.arm].place.slots[transfer.place_via], dtype=np.float64)
             yaw = float(simulation.scene.arm_base[transfer.arm, 3])
@@ -189,10 +206,23 @@ class Observer:
             sight_m=self._sight_m[0],
         )
         car_rows(self.car_rows, self._car_ground, cars, self._routes, arms, doing)
-        if self._ring is not None:
+        if self._rings:
             # A lidar is where the car is, not where it is believed to be.
-            self.hits = world.rays(*self._ring.rays(world.car_poses()[:n_cars])) if hits is None else hits
-            self._ring.measure(self.hits, self._noise(), self.car_rows[:, N_CAR_NUMBERS:])
+            self.hits = self._scan(world.car_poses()[:n_cars]) if hits is None else hits
+            by_car, noise, distances = self.hits.reshape(n_cars, -1), self._noise(), self.car_rows[:, N_CAR_NUMBERS:]
+            for own, ring in self._rings:
+                measured = np.empty((len(own), distances.shape[1]), dtype=np.float32)
+                ring.measure(by_car[own].ravel(), noise[own], measured)
+                distances[own] = measured
+
+    def _scan(self, poses: FloatArray) -> FloatArray:
+        """How far the rays of the agents' cars come, as shares of their lengths, shape (n_cars * n_rays,)."""
+        n_rays = self.car_rows.shape[1] - N_CAR_NUMBERS
+        origins, ends = np.empty((2, len(poses), n_rays, 3))
+        for cars, ring in self._rings:
+            of_kind = ring.rays(poses[cars])
+            origins[cars], ends[cars] = (points.reshape(-1, n_rays, 3) for points in of_kind)
+        return self._simulation.world.rays(origins.reshape(-1, 3), ends.reshape(-1, 3))
 
     def _noise(self) -> FloatArray:
         """Noise of this look's distances, shape (n_cars, n_rays)."""
@@ -228,9 +258,12 @@ class Observer:
         self._routes.granted_m[car] = 0.01
         for k, move in enumerate((*moves, *planned)):
             first, last = graph.path_ptr[move] + 1, graph.path_ptr[move + 1]
-            n = min(int(last - first), MOST_ROUTE_POINTS - at)
-            line[at : at + n, :2] = graph.path_points[first : first + n, :2]
-            line[at : at + n, 2] = line[at - 1, 2] + graph.path_s[first : first + n]
+            points, s_m = graph.path_points[first:last, :2], graph.path_s[first:last]
+            if not self._steers[car]:
+                points, s_m = _without_turns(line[at - 1, :2], points)
+            n = min(len(points), MOST_ROUTE_POINTS - at)
+            line[at : at + n, :2] = points[:n]
+            line[at : at + n, 2] = line[at - 1, 2] + s_m[:n]
             at += n
             if k < len(moves):
                 self._routes.granted_m[car] = line[at - 1, 2]
@@ -280,6 +313,28 @@ class Observer:
 def top_of(centre: FloatArray, size_m: Sequence[float] | npt.NDArray[np.float64]) -> FloatArray:
     """The point half a box's height above another point [m], shape (3,)."""
     return centre + np.array([0.0, 0.0, size_m[2] / 2])
+
+
+def rings_of(lidar: Lidar | None, models: CarModels) -> Rings:
+    """The lidar on cars of each model.
+
+    Args:
+        lidar: The sensor; None = they have none.
+        models: Models of the cars.
+    """
+    if lidar is None:
+        return ()
+    return tuple(
+        (models.cars_of(number), LidarRing(lidar, kind.front_m, kind.rear_m, kind.half_width_m))
+        for number, kind in enumerate(models.kinds)
+    )
+
+
+def _without_turns(start: FloatArray, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Points x, y of a path without those of turns on the spot, and how far they are along it [m]."""
+    steps = np.hypot(*np.diff(np.vstack((start, points)), axis=0).T)
+    goes = steps > 1e-6
+    return points[goes], np.cumsum(steps[goes])
 
 
 def _last(lasted_s: FloatArray, goes_on: npt.NDArray[np.bool_], step_s: float) -> None:

@@ -14,6 +14,7 @@ import numpy.typing as npt
 from numba import njit
 
 from fleet.arrays import FloatArray
+from fleet.envs.warehouse.run.agent_driver import AT_REST_RADPS
 from fleet.traffic.drivers import AT_REST_MPS
 from planners.motion.arm.kinematics import link_frames_into
 
@@ -29,6 +30,8 @@ EDGE_M = 0.1
 """Greatest edge of a parcel [m]."""
 MOST_ROUTE_POINTS = 512
 """Most points of a route: a dozen moves of up to 40."""
+OTHERS_MPS = 2.0
+"""Range of the speeds of other cars [m/s]."""
 STOP_M = 1.0
 """Range of the offset to the pose at which a car is to stop [m]."""
 CLOSE_M = 0.1
@@ -36,7 +39,7 @@ CLOSE_M = 0.1
 SERVICE_S, HELD_S = 30.0, 10.0
 """A transfer, and a parcel in the grip, are told how long they have lasted, up to this [s]."""
 N_JOINTS = 7
-"""Joints of an arm that agents move."""
+"""Most joints of an arm that agents move; entries of joints that an arm does not have are zero."""
 N_ARM_ENTRIES = N_JOINTS + 1
 """Most entries of an arm's action."""
 
@@ -76,13 +79,15 @@ class CarGround(NamedTuple):
     """What never changes for cars."""
 
     limits: FloatArray
-    """Greatest speed [m/s] and steering [rad], shape (2,)."""
+    """Greatest speed [m/s], and steering angle [rad] or yaw rate [rad/s], of each car, shape (n_cars, 2)."""
+    steers: Bools
+    """False for cars that are told a yaw rate, shape (n_cars,)."""
     size_m: FloatArray
     """Of the floor, shape (2,)."""
     state_pose: FloatArray
     """Poses of the lane graph's states, shape (n_states, 3)."""
     docks: FloatArray
-    """Stop poses of the stations' docks, shape (n_stations, 3)."""
+    """Stop poses of each car in the stations' docks, shape (n_cars, n_stations, 3)."""
     mission_of: Int64Array
     """Which of the missions a phase is, -1 = none, shape (n_phases,)."""
 
@@ -94,6 +99,7 @@ class CarsNow(NamedTuple):
     """Where they are believed to be, x, y, yaw, shape (n_cars, 3)."""
     speeds: FloatArray
     steering: FloatArray
+    """Or yaw rates, as each is told."""
     goals: npt.NDArray[np.int32]
     """Lane-graph state, negative = nowhere."""
     phases: Int64Array
@@ -139,13 +145,20 @@ class ArmsAtWork(NamedTuple):
 class ArmGround(NamedTuple):
     """What never changes for arms."""
 
+    n_joints: Int64Array
+    """Of each arm, shape (n_arms,); other arrays are as wide as the most joints."""
     lower: FloatArray
     upper: FloatArray
     max_velocity: FloatArray
-    """Limits of the joints, shape (n_joints,)."""
+    """Limits of the joints, shape (n_arms, width)."""
     joints: FloatArray
-    """The arm's joints as `link_frames_into` takes them."""
-    tool_length_m: float
+    """The arms' joints as `link_frames_into` takes them, shape (n_arms, width, 3, 4)."""
+    turning: FloatArray
+    """1 for joints that turn the arm about its base, else 0, shape (n_arms, width)."""
+    is_ahead: Bools
+    """Whether the arm faces ahead where these are zero, so that it goes around by there, shape (n_arms,)."""
+    tool_length_m: FloatArray
+    """Shape (n_arms,)."""
     base: FloatArray
     """Feet of the arms, x, y, z, yaw, shape (n_arms, 4)."""
 
@@ -155,7 +168,7 @@ class ArmsNow(NamedTuple):
 
     q: FloatArray
     qd: FloatArray
-    """Joint positions [rad] and velocities [rad/s], shape (n_agent_arms, n_joints)."""
+    """Joint positions [rad] and velocities [rad/s], shape (n_agent_arms, width)."""
     held: npt.NDArray[np.integer]
     """Parcel in each grip, -1 = none."""
     transfers: FloatArray
@@ -252,7 +265,7 @@ def car_rows(
         cos, sin = math.cos(yaw), math.sin(yaw)
         row[0], row[1] = 2.0 * x / size[0] - 1.0, 2.0 * y / size[1] - 1.0
         row[2], row[3] = cos, sin
-        row[4], row[5] = cars.speeds[car] / limits[0], cars.steering[car] / limits[1]
+        row[4], row[5] = cars.speeds[car] / limits[car, 0], cars.steering[car] / limits[car, 1]
         row[8] = 1.0
         if cars.goals[car] >= 0:
             goal = ground.state_pose[cars.goals[car]]
@@ -292,22 +305,24 @@ def car_rows(
             row[first] = 1.0
             row[first + 1], row[first + 2] = (cos * dx + sin * dy) / NEAR_M, (cos * dy - sin * dx) / NEAR_M
             row[first + 3], row[first + 4] = math.cos(turn), math.sin(turn)
-            row[first + 5] = cars.speeds[other] / limits[0]
+            row[first + 5] = cars.speeds[other] / OTHERS_MPS
             if cars.goals[other] >= 0:
                 goal = ground.state_pose[cars.goals[other]]
                 dx, dy = goal[0] - x, goal[1] - y
                 row[first + 6], row[first + 7] = (cos * dx + sin * dy) / NEAR_M, (cos * dy - sin * dx) / NEAR_M
 
         station = cars.place_of[car]
-        if 0 <= station < len(docks):
+        if 0 <= station < docks.shape[1]:
             row[STATION_AT] = 1.0
             row[STATION_AT + 1] = arms.idle[station]
             row[STATION_AT + 2] = arms.served[station] == car
             for other in range(len(poses)):
-                gap = math.hypot(poses[other, 0] - docks[station, 0], poses[other, 1] - docks[station, 1])
+                dock = docks[other, station]
+                gap = math.hypot(poses[other, 0] - dock[0], poses[other, 1] - dock[1])
                 if other != car and gap < _DOCK_M:
                     row[STATION_AT + 3] = 1.0
-        row[_DOING_AT] = abs(cars.speeds[car]) < AT_REST_MPS
+        turns = not ground.steers[car] and abs(cars.steering[car]) >= AT_REST_RADPS
+        row[_DOING_AT] = abs(cars.speeds[car]) < AT_REST_MPS and not turns
         row[_DOING_AT + 1] = doing.service_s[car] / SERVICE_S
         row[_DOING_AT + 2] = doing.time_left
         row[_DOING_AT + 3], row[_DOING_AT + 4] = doing.actions[car]
@@ -328,18 +343,20 @@ def arm_rows(
     """Fill the rows of the first `len(rows)` arms, and their ways."""
     q, lower, upper, base = arms.q, ground.lower, ground.upper, ground.base
     transfers, held, poses, sizes = arms.transfers, arms.held, parcels.poses, parcels.sizes
-    frames = np.empty((N_JOINTS + 1, 3, 4))
+    width = q.shape[1]
+    frames = np.empty((width + 1, 3, 4))
     tip = np.empty(3)
     for arm in range(len(rows)):
         row = rows[arm]
         row[:] = 0.0
-        for j in range(N_JOINTS):
-            row[j] = (2.0 * q[arm, j] - upper[j] - lower[j]) / (upper[j] - lower[j])
-            row[N_JOINTS + j] = arms.qd[arm, j] / ground.max_velocity[j]
-        link_frames_into(ground.joints, q[arm], frames)
-        flange = frames[N_JOINTS]
+        for j in range(ground.n_joints[arm]):
+            low, high = lower[arm, j], upper[arm, j]
+            row[j] = (2.0 * q[arm, j] - high - low) / (high - low)
+            row[N_JOINTS + j] = arms.qd[arm, j] / ground.max_velocity[arm, j]
+        link_frames_into(ground.joints[arm], q[arm], frames)
+        flange = frames[width]
         for a in range(3):
-            tip[a] = flange[a, 3] + ground.tool_length_m * flange[a, 2]
+            tip[a] = flange[a, 3] + ground.tool_length_m[arm] * flange[a, 2]
             row[14 + a] = tip[a] / REACH_M
             row[17 + a] = flange[a, 2]
         x0, y0, z0 = base[arm, 0], base[arm, 1], base[arm, 2]
@@ -362,8 +379,11 @@ def arm_rows(
             row[20], row[21], row[22] = (px - tip[0]) / REACH_M, (py - tip[1]) / REACH_M, (top - tip[2]) / REACH_M
             # Home is behind the base, and joints end there and back: what lies before it is reached by either side, and
             # left by the same.
-            at_tip = _behind(tip[0], tip[1], q[arm, 0] + q[arm, 2])
-            at_parcel = _behind(px, py, 0.0)
+            turned, is_ahead = 0.0, ground.is_ahead[arm]
+            for j in range(width):
+                turned += ground.turning[arm, j] * q[arm, j]
+            at_tip = around(tip[0], tip[1], turned, is_ahead)
+            at_parcel = around(px, py, 0.0, is_ahead)
             yaw = _yaw(poses[parcel]) - base[arm, 3]
             turn = yaw - math.atan2(flange[1, 0], flange[0, 0])
             row[YAW_AT], row[YAW_AT + 1] = math.cos(turn), math.sin(turn)
@@ -372,10 +392,10 @@ def arm_rows(
                 wx, wy = cos * dx + sin * dy, cos * dy - sin * dx
                 wz = transfers[arm, 3] - z0 - pz
                 row[23], row[24], row[25] = (wx - px) / REACH_M, (wy - py) / REACH_M, wz / REACH_M
-                at_place = _behind(wx, wy, 0.0)
+                at_place = around(wx, wy, 0.0, is_ahead)
                 by_arm = held[arm] == wanted or abs(at_place) > _BEFORE_RAD
-                at_parcel = _behind(px, py, at_tip if by_arm else at_place)
-                at_place = _behind(wx, wy, at_parcel)
+                at_parcel = around(px, py, at_tip if by_arm else at_place, is_ahead)
+                at_place = around(wx, wy, at_parcel, is_ahead)
                 ways[arm] = _fill_offset(
                     row,
                     AROUND_AT + 3,
@@ -434,9 +454,10 @@ def _fill_offset(
 
 
 @njit(cache=True)
-def _behind(x: float, y: float, side: float) -> float:  # pragma: no cover - compiled
-    """Angle of a point around the base, from straight behind it [rad]; if it lies before it, by the side of `side`."""
-    angle = math.atan2(-y, -x)
+def around(x: float, y: float, side: float, is_ahead: bool) -> float:  # pragma: no cover - compiled
+    """Angle of a point around the base, from straight behind it [rad]; if it lies before it, by the side of `side`. Of
+    an arm that goes around by there it is that from straight ahead, and of what lies behind by the side."""
+    angle = math.atan2(y, x) if is_ahead else math.atan2(-y, -x)
     if abs(angle) > _BEFORE_RAD and angle * side < 0.0:
         angle += 2.0 * math.pi if side > 0.0 else -2.0 * math.pi
     return angle

@@ -8,25 +8,26 @@ import numpy as np
 from gymnasium.spaces import Box, Dict, Space
 
 from fleet.envs.warehouse.config import WarehouseConfig
-from fleet.envs.warehouse.control.actions import ARM_ACTIONS, N_CAR_ENTRIES
+from fleet.envs.warehouse.control.actions import N_CAR_ENTRIES, n_arm_entries
 from fleet.envs.warehouse.rows import N_ARM_NUMBERS, N_CAR_NUMBERS
 
 
 def observation_spaces(config: WarehouseConfig) -> dict[str, Space[Any]]:
     """Spaces by agent, each its own: seeding one must not seed another."""
-    cars: dict[str, Space[Any]] = {car: _car_space(config) for car in config.cars}
-    return cars | {arm: _arm_space(config) for arm in config.arms}
+    cars: dict[str, Space[Any]] = {car: _car_space(config) for car in config.car_names}
+    return cars | {arm: _arm_space(config) for arm in config.arm_names}
 
 
 def action_spaces(config: WarehouseConfig) -> dict[str, Space[Any]]:
     """Spaces by agent, each its own."""
-    cars: dict[str, Space[Any]] = {car: _box(N_CAR_ENTRIES) for car in config.cars}
-    return cars | {arm: _box(ARM_ACTIONS[config.arm_action]) for arm in config.arms}
+    cars: dict[str, Space[Any]] = {car: _box(N_CAR_ENTRIES) for car in config.car_names}
+    arms = zip(config.arm_names, config.arm_kinds, strict=True)
+    return cars | {arm: _box(n_arm_entries(config.arm_action, kind.n_joints)) for arm, kind in arms}
 
 
 def state_space(config: WarehouseConfig) -> Box:
     """The rows of all agents without lidar, cars first."""
-    return _box(len(config.cars) * N_CAR_NUMBERS + len(config.arms) * N_ARM_NUMBERS)
+    return _box(len(config.car_names) * N_CAR_NUMBERS + len(config.arm_names) * N_ARM_NUMBERS)
 
 
 def _car_space(config: WarehouseConfig) -> Space[Any]:

@@ -22,11 +22,12 @@ KEYS = ("model", "capabilities", "max_payload_kg")
 MOST_CARS = 1_000_000
 
 
-def read_cars(words: str) -> tuple[str, ...]:
+def read_cars(words: str, where: str = "--cars") -> tuple[str, ...]:
     """Read models and how many cars there are of each.
 
     Args:
         words: Such as ``racecar:12,hauler:4``; a model without a number is one car.
+        where: What has named them, opens the message.
 
     Returns:
         The model of each car, in the order of the words.
@@ -37,9 +38,9 @@ def read_cars(words: str) -> tuple[str, ...]:
     names: list[str] = []
     for word in words.split(","):
         name, colon, number = (part.strip() for part in word.partition(":"))
-        require(name in CARS, "--cars", words, f"MODEL:NUMBER,... of the models {', '.join(CARS)}")
+        require(name in CARS, where, words, f"MODEL:NUMBER,... of the models {', '.join(CARS)}")
         fits = number.isdecimal() and 1 <= int(number) <= MOST_CARS if colon else True
-        require(fits, "--cars", words, f"a number of cars from 1 to {MOST_CARS} behind each colon")
+        require(fits, where, words, f"a number of cars from 1 to {MOST_CARS} behind each colon")
         names += [name] * (int(number) if colon else 1)
     return tuple(names)
 

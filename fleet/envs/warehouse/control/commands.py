@@ -2,30 +2,21 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from fleet.arrays import FloatArray
+from fleet.arrays import BoolArray, FloatArray
 from fleet.envs.warehouse.control.actions import LegalActions
-from fleet.envs.warehouse.control.hands import (
-    N_TIP,
-    HandModel,
-    agents_arm,
-    hand_model,
-    lead_tips,
-    move_targets,
-    shares_of,
-)
+from fleet.envs.warehouse.control.hands import N_TIP, hands_of, lead_tips, move_targets
 from fleet.envs.warehouse.control.latch import Latches
 from fleet.envs.warehouse.control.plans import Plans
-from fleet.envs.warehouse.control.pursuit import Wheel, pursue
-from fleet.envs.warehouse.rows import N_JOINTS, Rows
+from fleet.envs.warehouse.control.pursuit import Pursuit
+from fleet.envs.warehouse.control.ramp import CarRamp
+from fleet.envs.warehouse.rows import Rows
 from fleet.envs.warehouse.run.agent_simulation import AgentSimulation
-from fleet.robots.speed_ramp import SpeedRamp
 from fleet.simulation import Actions
 
 RESIDUAL_RAD = 0.2
@@ -51,7 +42,7 @@ class ActionModel:
     hold_s: float
     """How long a grip has to be told to open [s]."""
     ramp: bool
-    """Whether cars approach told speeds within their limits of acceleration."""
+    """Whether all cars approach told speeds within their limits of acceleration, or those that do not steer only."""
 
 
 class Commands:
@@ -69,20 +60,16 @@ class Commands:
         self._model = model
         self.plans = plans
         """The classical plans, if arms add to them."""
-        self._arm = agents_arm(scene)
-        self._hand: HandModel = hand_model(self._arm)
-        self._wheel = Wheel(
-            diagonal_m=math.hypot(*scene.size_m),
-            wheelbase_m=scene.car.wheelbase_m,
-            max_steering_rad=scene.car.max_steering_rad,
-            max_speed_mps=model.speed_mps,
-            dead_band=model.dead_band,
-        )
-        self._car_limits = np.array([scene.car.max_steering_rad, model.speed_mps])
+        self._team = scene.arms.part(range(n_arms))
+        self._hands = hands_of(scene.arms, n_arms)
         self._targets = simulation.world.arm_positions()[:n_arms]
         self._cars = np.zeros((simulation.n_cars, 2))
         cars = scene.cars.some(np.arange(simulation.n_cars))
-        self._ramp = SpeedRamp(cars, simulation.tick_s) if model.ramp else None
+        self._pursuit = Pursuit(cars, scene.size_m, model.speed_mps, model.dead_band)
+        speeds = np.minimum(model.speed_mps, cars.each("max_speed_mps"))
+        self._car_limits = np.stack((cars.each("max_turn"), speeds), axis=1)
+        self._steers = cars.each("turn_base_m") > 0.0
+        self._ramp = CarRamp(cars, simulation.tick_s, of_all=model.ramp)
         self._arms = np.zeros((n_arms, 0))
         self.latches = Latches(n_arms, model.hold_s)
         """The grips of the agents' arms."""
@@ -103,10 +90,9 @@ class Commands:
         model = self._model
         shares = actions.cars
         if model.car == "residual":
-            shares = np.empty_like(actions.cars)
-            pursue(car_rows, self._wheel, shares)
+            shares = self._pursuit.actions(car_rows, np.arange(len(car_rows)))
             shares += model.residual * actions.cars
-        _drive(shares, self._car_limits, model.dead_band, in_order, self._cars)
+        _drive(shares, self._car_limits, self._steers, model.dead_band, in_order, self._cars)
         self._arms = actions.arms
         if self.plans is not None:
             for arm, pace in enumerate(actions.arms[:, -1].tolist()):
@@ -115,36 +101,48 @@ class Commands:
     def tick(self) -> Actions:
         """What the robots are to do in the coming tick."""
         simulation = self._simulation
-        world, arm, n_arms, cars = simulation.world, self._arm, len(self._targets), self._cars
-        if self._ramp is not None:
-            speeds = self._ramp.tick(cars[:, 1], world.car_speeds()[: len(cars)])
-            cars = np.column_stack((cars[:, 0], speeds))
+        world, team, n_arms = simulation.world, self._team, len(self._targets)
+        cars = self._ramp.tick(self._cars, world)
         if not n_arms:
             return Actions(cars=cars)
         if self.plans is not None:
             self.plans.ask(simulation)
             self.plans.tick(world.held())
-            away = self._model.residual * RESIDUAL_RAD * self._arms[:, :N_JOINTS]
-            self._targets = np.clip(self.plans.q[:n_arms] + away, arm.lower_rad, arm.upper_rad)
+            away = self._model.residual * RESIDUAL_RAD * self._arms[:, : team.width]
+            self._targets = np.clip(self.plans.q[:n_arms] + away, team.lower_rad, team.upper_rad)
             qd, grip = self.plans.qd[:n_arms].copy(), self.plans.grip[:n_arms].copy()
             return Actions(cars=cars, arms=self._targets, arms_qd=qd, grip=grip)
         q = world.arm_positions()[:n_arms]
-        qd = np.empty_like(q)
         if self._model.arm == "joint":
-            shares_of(arm.max_velocity_radps, self._arms[:, :N_JOINTS], qd)
+            qd = self._arms[:, : team.width] * team.max_velocity_radps
         else:
-            lead_tips(self._hand, q, self._arms[:, :N_TIP], qd)
-        move_targets(self._targets, qd, q, arm.lower_rad, arm.upper_rad, simulation.tick_s)
+            qd = np.zeros_like(q)
+            for hands in self._hands:
+                own = np.ascontiguousarray(q[hands.arms, : hands.spec.n_joints])
+                moved = np.empty_like(own)
+                lead_tips(hands.model, own, np.ascontiguousarray(self._arms[hands.arms, :N_TIP]), moved)
+                qd[hands.arms, : hands.spec.n_joints] = moved
+        limits = team.lower_rad, team.upper_rad, team.max_velocity_radps
+        move_targets(self._targets, qd, q, *limits, simulation.tick_s)
         self.latches.tick(self._arms[:, -1], world.held()[:n_arms], simulation.tick_s)
         return Actions(cars=cars, arms=self._targets, arms_qd=qd, grip=self.latches.closed)
 
 
 @njit(cache=True)
 def _drive(
-    shares: FloatArray, limits: FloatArray, dead_band: float, in_order: npt.NDArray[np.bool_], out: FloatArray
+    shares: FloatArray,
+    limits: FloatArray,
+    steers: BoolArray,
+    dead_band: float,
+    in_order: npt.NDArray[np.bool_],
+    out: FloatArray,
 ) -> None:  # pragma: no cover - compiled
-    """Fill in steering [rad] and speed [m/s] of cars; those in the dead band, and those that are out, brake."""
+    """Fill in steering [rad] or yaw rate [rad/s], and speed [m/s], of cars; those in the dead band, and those that are
+    out, brake. Who turns on the spot is in it when both numbers are."""
     for car in range(len(out)):
         share = min(max(shares[car, 1], -1.0), 1.0)
-        out[car, 0] = min(max(shares[car, 0], -1.0), 1.0) * limits[0]
-        out[car, 1] = share * limits[1] if abs(share) >= dead_band and in_order[car] else 0.0
+        turn = min(max(shares[car, 0], -1.0), 1.0)
+        goes = abs(share) >= dead_band and in_order[car]
+        out[car, 1] = share * limits[car, 1] if goes else 0.0
+        stands = not goes and not steers[car] and (abs(turn) < dead_band or not in_order[car])
+        out[car, 0] = 0.0 if stands else turn * limits[car, 0]

@@ -8,10 +8,11 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from fleet.arrays import FloatArray
+from fleet.arrays import FloatArray, IntArray
 from fleet.config import require
 from fleet.envs.warehouse.rows import N_JOINTS
 from fleet.robots.arms.spec import ArmSpec
+from fleet.robots.arms.team import ArmTeam
 from fleet.world.scene import Scene
 from planners.motion.arm.kinematics import jacobian_into, link_frames_into
 
@@ -19,8 +20,9 @@ N_TIP = 4
 """Entries of a tip's motion: outwards, around the base, up, and turn about the vertical."""
 TIP_MPS, TIP_RADPS = 0.5, 1.0
 """Velocity of the tip outwards and up, and its turns around the base and about itself, at full action."""
-WIND_UP_RAD = 0.1
-"""A joint's target runs at most this far ahead of the joint, so that a blocked arm does not wind up [rad]."""
+WIND_UP_RAD, WIND_UP_TICKS = 0.1, 1.15
+"""A joint's target runs at most this far ahead of the joint, so that a blocked arm does not wind up [rad], or as far as
+the arm's first joint turns at full speed in so many ticks, whatever is more."""
 LEAST_RADIUS_M = 0.25
 """Nearer to the base's axis than this the tip is not led: the arm would have to fold [m]."""
 _DAMPING = 0.05
@@ -39,8 +41,10 @@ class HandModel(NamedTuple):
     tool_length_m: float
     max_velocity: FloatArray
     """Of the joints [rad/s], shape (n_joints,)."""
-    upper: FloatArray
-    """Upper limits of the joints [rad], shape (n_joints,); the lower ones are the same below zero."""
+    middle: FloatArray
+    """Of the joints' ranges [rad], shape (n_joints,)."""
+    half: FloatArray
+    """Half of the joints' ranges [rad], shape (n_joints,)."""
 
 
 def agents_arm(scene: Scene) -> ArmSpec:
@@ -58,8 +62,45 @@ def agents_arm(scene: Scene) -> ArmSpec:
 def hand_model(arm: ArmSpec) -> HandModel:
     """The model of an arm's hand."""
     return HandModel(
-        joints=arm.joints, tool_length_m=arm.tool_length_m, max_velocity=arm.max_velocity_radps, upper=arm.upper_rad
+        joints=arm.joints,
+        tool_length_m=arm.tool_length_m,
+        max_velocity=arm.max_velocity_radps,
+        middle=0.5 * (arm.lower_rad + arm.upper_rad),
+        half=0.5 * (arm.upper_rad - arm.lower_rad),
     )
+
+
+class Hands(NamedTuple):
+    """The arms of one model among those that agents move."""
+
+    arms: IntArray
+    """Which they are, shape (k,)."""
+    spec: ArmSpec
+    model: HandModel
+
+
+def hands_of(team: ArmTeam, n_arms: int) -> tuple[Hands, ...]:
+    """The first arms of a team, by model."""
+    names = np.array([spec.name for spec in team.specs[:n_arms]])
+    return tuple(
+        Hands(arms=np.flatnonzero(names == spec.name), spec=spec, model=hand_model(spec))
+        for spec in team.part(range(n_arms)).models
+    )
+
+
+def turning_joints(spec: ArmSpec) -> FloatArray:
+    """1 for joints that turn an arm about its base as long as it is upright, else 0, shape (n_joints,).
+
+    That is the first one; of an arm of seven joints also the third, which goes about the axis of the upper arm.
+    """
+    turning = np.zeros(spec.n_joints)
+    turning[[0, 2] if spec.n_joints > 6 else [0]] = 1.0
+    return turning
+
+
+def is_ahead(spec: ArmSpec) -> bool:
+    """Whether an arm faces ahead where its `turning_joints` are zero: it rests behind its base."""
+    return abs(float(turning_joints(spec) @ spec.home_rad)) > 0.5 * math.pi
 
 
 @njit(cache=True)
@@ -90,7 +131,7 @@ def lead_tips(hand: HandModel, q: FloatArray, wishes: FloatArray, out: FloatArra
             square[k, k] += _DAMPING * _DAMPING
         centring = np.empty(n)
         for j in range(n):
-            centring[j] = -_CENTRE_PER_S * q[arm, j] / hand.upper[j]
+            centring[j] = -_CENTRE_PER_S * (q[arm, j] - hand.middle[j]) / hand.half[j]
         qd = centring + jacobian.T @ np.linalg.solve(square, twist - jacobian @ centring)
         over = np.abs(qd / hand.max_velocity).max()
         out[arm] = qd / over if over > 1.0 else qd
@@ -127,22 +168,24 @@ def _twist(flange: FloatArray, length: float, wish: FloatArray, twist: FloatArra
 
 
 @njit(cache=True)
-def shares_of(limits: FloatArray, shares: FloatArray, out: FloatArray) -> None:  # pragma: no cover - compiled
-    """Fill in shares of limits, row by row."""
-    for k in range(len(out)):
-        for j in range(out.shape[1]):
-            out[k, j] = shares[k, j] * limits[j]
-
-
-@njit(cache=True)
 def move_targets(
-    targets: FloatArray, qd: FloatArray, q: FloatArray, lower: FloatArray, upper: FloatArray, tick: float
+    targets: FloatArray,
+    qd: FloatArray,
+    q: FloatArray,
+    lower: FloatArray,
+    upper: FloatArray,
+    max_velocity: FloatArray,
+    tick: float,
 ) -> None:  # pragma: no cover - compiled
-    """Move joints' targets on by their velocities for one tick; a target that is held up has no velocity."""
+    """Move joints' targets on by their velocities for one tick; a target that is held up has no velocity.
+
+    All arrays but the tick are of shape (m, n_joints).
+    """
     for arm in range(len(q)):
+        ahead = max(WIND_UP_RAD, WIND_UP_TICKS * max_velocity[arm, 0] * tick)
         for j in range(q.shape[1]):
             wanted = targets[arm, j] + qd[arm, j] * tick
-            wanted = min(max(wanted, q[arm, j] - WIND_UP_RAD), q[arm, j] + WIND_UP_RAD)
-            targets[arm, j] = min(max(wanted, lower[j]), upper[j])
+            wanted = min(max(wanted, q[arm, j] - ahead), q[arm, j] + ahead)
+            targets[arm, j] = min(max(wanted, lower[arm, j]), upper[arm, j])
             if targets[arm, j] != wanted:
                 qd[arm, j] = 0.0

@@ -23,6 +23,8 @@ _N_GATES = 8
 """Gates that are watched at once; a car holds grants for fewer moves."""
 STOP_M, STOP_RAD = 0.05, 0.1
 """A standing car is at its stop when it is this close and this straight: planned arms served 118 of 120 such trays."""
+AT_REST_RADPS = 0.05
+"""A car that is told a yaw rate stands when it turns by less than this, too [rad/s]."""
 
 
 class AgentCars(NamedTuple):
@@ -72,7 +74,8 @@ class AgentDriver(PathDriver):
         self.estimate = agents.poses.copy()
         by_agent = agents.by_agent
         n_cars = len(start_states)
-        self._wheelbase_m = models.each("wheelbase_m")
+        self._turn_base_m = models.each("turn_base_m")
+        self._still_ticks = np.zeros(n_cars)
         self._tick_s = tick_s
         self._stop_m, self._stop_rad = agents.stop_m, agents.stop_rad
         self._by_agent = by_agent
@@ -107,6 +110,13 @@ class AgentDriver(PathDriver):
         commands[self._by_agent] = 0.0
         return commands
 
+    def sense(self, world: World) -> None:
+        """See `PathDriver`; who turns on the spot does not stand still."""
+        super().sense(world)
+        rates = np.where(self._turn_base_m > 0.0, 0.0, world.car_steering())
+        still = (np.abs(self._speeds) < AT_REST_MPS) & (np.abs(rates) < AT_REST_RADPS)
+        self._still_ticks = np.where(still, self._still_ticks + 1.0, 0.0)
+
     def finished(self) -> CellArray:
         """See `Driver`."""
         done: list[int] = [] if self._all_agents else super().finished().tolist()
@@ -125,7 +135,7 @@ class AgentDriver(PathDriver):
 
     def stands(self, car: int) -> bool:
         """Whether a car stands at its stop, with no move left."""
-        if self._moves[car] or abs(self._speeds[car]) >= AT_REST_MPS:
+        if self._moves[car] or self._still_ticks[car] < max(self._settle_ticks[car], 1.0):
             return False
         x, y, yaw = self._graph.state_pose[self._reached[car]].tolist()
         at_x, at_y, at_yaw = self.estimate[car].tolist()
@@ -157,7 +167,7 @@ class AgentDriver(PathDriver):
     def poses_now(self, world: World) -> FloatArray:
         """Estimates at the end of the tick, shape (n_cars, 3): `estimate` is as old as the tick's beginning."""
         poses = self.estimate.copy()
-        _drive_on(poses, self._speeds, world.car_speeds(), world.car_steering(), self._tick_s, self._wheelbase_m)
+        _drive_on(poses, self._speeds, world.car_speeds(), world.car_steering(), self._tick_s, self._turn_base_m)
         return poses
 
     def moves(self, car: int) -> tuple[int, ...]:
@@ -183,13 +193,16 @@ class AgentDriver(PathDriver):
 
 
 @njit(cache=True)
-def _drive_on(poses, before, speeds, steering, tick, wheelbase):
-    """Let bicycles drive for a tick at the mean of two speeds."""
+def _drive_on(poses, before, speeds, steering, tick, turn_base):
+    """Let cars drive for a tick at the mean of two speeds, with their steering angles or at their yaw rates."""
     for car in range(len(poses)):
         way, yaw = 0.5 * (before[car] + speeds[car]) * tick, poses[car, 2]
         poses[car, 0] += way * math.cos(yaw)
         poses[car, 1] += way * math.sin(yaw)
-        poses[car, 2] += way * math.tan(steering[car]) / wheelbase[car]
+        if turn_base[car] > 0.0:
+            poses[car, 2] += way * math.tan(steering[car]) / turn_base[car]
+        else:
+            poses[car, 2] += steering[car] * tick
 
 
 @njit(cache=True)

@@ -10,7 +10,7 @@ from fleet.assembly import Lost, Parts
 from fleet.config import Fidelity, RunConfig, require
 from fleet.envs.warehouse.run.agent_arm_manager import AgentArmManager
 from fleet.envs.warehouse.run.agent_driver import STOP_M, STOP_RAD, AgentCars, AgentDriver
-from fleet.envs.warehouse.run.starts import Beginning
+from fleet.envs.warehouse.run.starts import Beginning, dock_states
 from fleet.run.setup import RunSetup
 from fleet.simulation import Simulation
 from fleet.stations.arms.arm_manager import ArmPlanner
@@ -96,7 +96,7 @@ class AgentSimulation(Simulation):
         cars = AgentCars(
             by_agent=np.arange(len(setup.start_states)) < self.n_cars,
             poses=self._beginning.poses,
-            docks=frozenset(setup.graph.state_at(one.dock.cell, one.dock.heading) for one in setup.site.stations),
+            docks=frozenset(dock_states(setup.graph, setup.site).ravel().tolist()),
             stop_m=agents.stop_m,
             stop_rad=agents.stop_rad,
         )

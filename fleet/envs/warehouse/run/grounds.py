@@ -25,12 +25,14 @@ class Ground:
     world: OpenWorld
     first: object
     """Its first moment."""
+    planner: ArmPlanner
+    """Plans for the arms that are not agents'; its answers depend on the requests alone."""
     hits: FloatArray | None = None
     """What the rays of all agents' cars meet at that moment, once it is known."""
 
 
 class Grounds:
-    """The grounds of an environment, one for each number of cars, made when they are first needed.
+    """The grounds of an environment, one for each team of cars, made when they are first needed.
 
     Args:
         tick_s: Length of a tick [s].
@@ -42,22 +44,23 @@ class Grounds:
         self._tick_s = tick_s
         self._physics_hz = physics_hz
         self._plans = plans
-        self._grounds: dict[int, Ground] = {}
-        self.planner: ArmPlanner = NoPlanner()
-        """Plans for the arms that are not agents'."""
+        self._grounds: dict[tuple[str, ...], Ground] = {}
+        self._planners: dict[tuple[str, ...], ArmPlanner] = {}
 
     def open(self, config: RunConfig) -> Ground:
         """The ground of a run."""
-        if config.robots not in self._grounds:
+        models = config.models
+        if models not in self._grounds:
             setup = RunSetup.of(config)
             world = self._world(setup, config.fidelity)
-            # Also the first episode begins as a return to the start, so that it is like all others.
-            ground = Ground(setup=replace(setup, world=world), world=world, first=world.save(settle=True))
-            self._grounds[config.robots] = ground
-            if self._plans and isinstance(self.planner, NoPlanner):
-                names = tuple(station.name for station in setup.site.stations)
-                self.planner = make_arm_planner(arm_cells(setup.site, setup.scene), names, setup.scene.arms, config)
-        return self._grounds[config.robots]
+            self._grounds[models] = Ground(
+                setup=replace(setup, world=world),
+                world=world,
+                # Also the first episode begins as a return to the start, so that it is like all others.
+                first=world.save(settle=True),
+                planner=self._planner(setup, config),
+            )
+        return self._grounds[models]
 
     def has(self, ground: Ground) -> bool:
         """Whether a ground is one of these, and open."""
@@ -67,8 +70,20 @@ class Grounds:
         """Free what they hold; calling twice is harmless."""
         for ground in self._grounds.values():
             ground.world.close()
-        self.planner.close()
-        self._grounds, self.planner = {}, NoPlanner()
+        for planner in self._planners.values():
+            planner.close()
+        self._grounds, self._planners = {}, {}
+
+    def _planner(self, setup: RunSetup, config: RunConfig) -> ArmPlanner:
+        """The planner for teams of such cars: how high arms stand, and what comes to them, depends on their models."""
+        if not self._plans:
+            return NoPlanner()
+        kinds = tuple(kind.name for kind in setup.scene.car_kinds)
+        if kinds not in self._planners:
+            names = tuple(station.name for station in setup.site.stations)
+            cells = arm_cells(setup.site, setup.scene)
+            self._planners[kinds] = make_arm_planner(cells, names, setup.scene.arms, config)
+        return self._planners[kinds]
 
     def _world(self, setup: RunSetup, fidelity: Fidelity) -> OpenWorld:
         if fidelity is Fidelity.KINEMATIC:
@@ -82,6 +97,11 @@ class Grounds:
         from fleet.world.bullet.engine.config import BulletConfig, exact_tick_s
         from fleet.world.bullet.world import BulletWorld
 
-        n_steps = max(1, math.ceil(self._physics_hz * self._tick_s - 1e-6))
+        n_steps = physics_steps(self._physics_hz, self._tick_s)
         exact_s = exact_tick_s(n_steps, n_steps / self._tick_s)
         return BulletWorld(setup.scene, BulletConfig(tick_s=exact_s, n_steps_per_call=n_steps))
+
+
+def physics_steps(physics_hz: float, tick_s: float) -> int:
+    """Physics steps of a tick: as many as make at least so many a second."""
+    return max(1, math.ceil(physics_hz * tick_s - 1e-6))

@@ -16,6 +16,7 @@ from fleet.config.field_checks import is_number
 from fleet.run.setup import RunSetup
 from fleet.tasks.order import Delivery, draw_edges, draw_mass
 from maps.lane_graph import REVERSE, LaneGraph
+from maps.site import Site
 
 PLACES = ("parked", "anywhere", "near", "docked")
 """Where cars can begin."""
@@ -112,22 +113,24 @@ def draw_beginning(
         rng: Source of chance.
     """
     graph, states = ground.graph, ground.start_states.copy()
+    kinds = ground.scene.cars.kind_of.tolist()
+    docks = dock_states(graph, ground.site)
     poses = graph.state_pose[states].copy()
     errands: list[Errand] = []
     if start.cars == "anywhere":
         for car in range(n_agents):
-            found = _lane_state(graph, ground, np.delete(poses, car, axis=0), rng)
+            found = _lane_state(graph, ground, kinds[car], np.delete(poses, car, axis=0), rng)
             if found >= 0:
                 states[car], poses[car] = found, graph.state_pose[found]
     elif start.cars in ("near", "docked"):
         taken: list[int] = []
         for station in rng.permutation(np.asarray(stations)).tolist():
             place = ground.site.stations[station]
-            dock = graph.state_at(place.dock.cell, place.dock.heading)
-            if len(errands) == len(states) or dock in taken:
+            if len(errands) == len(states) or docks[0, station] in taken:
                 continue
             car = len(errands)
-            taken.append(dock)
+            taken.append(int(docks[0, station]))
+            dock = int(docks[kinds[car], station])
             left_m = 0.0 if start.cars == "docked" else float(rng.uniform(*start.near_m))
             for _ in range(_TRIES):
                 state, pose = _before(graph, dock, left_m, rng)
@@ -141,6 +144,12 @@ def draw_beginning(
     poses[:n_moved, 2] += rng.uniform(-start.turn_rad, start.turn_rad, n_moved)
     orders = tuple(_order(ground, errand, rng) for errand in errands)
     return Beginning(states=states, poses=poses, errands=tuple(errands), orders=orders)
+
+
+def dock_states(graph: LaneGraph, site: Site) -> npt.NDArray[np.int64]:
+    """States in which each kind of cars stands at the stations, shape (n_kinds, n_stations)."""
+    first = np.array([graph.state_at(place.dock.cell, place.dock.heading) for place in site.stations], dtype=np.int64)
+    return first + graph.n_places * np.arange(graph.n_kinds)[:, None]
 
 
 def _order(ground: RunSetup, errand: Errand, rng: np.random.Generator) -> Delivery:
@@ -160,10 +169,10 @@ def _order(ground: RunSetup, errand: Errand, rng: np.random.Generator) -> Delive
     )
 
 
-def _lane_state(graph: LaneGraph, ground: RunSetup, others: FloatArray, rng: np.random.Generator) -> int:
-    """A state on a lane, away from other cars; -1 if none was found."""
+def _lane_state(graph: LaneGraph, ground: RunSetup, kind: int, others: FloatArray, rng: np.random.Generator) -> int:
+    """A state of a kind of cars on a lane, away from other cars; -1 if none was found."""
     bays = {*ground.site.parking, *ground.site.chargers, *(place.dock.cell for place in ground.site.stations)}
-    for state in rng.integers(graph.n_states, size=_TRIES).tolist():
+    for state in (kind * graph.n_places + rng.integers(graph.n_places, size=_TRIES)).tolist():
         if _is_apart(others, graph.state_pose[state]) and int(graph.state_cell[state]) not in bays:
             return int(state)
     return -1
