@@ -82,10 +82,11 @@ class Site:
         if not isinstance(other, Site):
             return NotImplemented
         words = ("name", "stations", "parking", "chargers", "storage", "cut_cells", "allow_reverse", "plan", "grid")
-        words += ("lanes_given",)
+        same = self.lanes_given == other.lanes_given
         arrays = ("walls", "shelves", "lanes", "against")
         return (
-            all(getattr(self, word) == getattr(other, word) for word in words)
+            same
+            and all(getattr(self, word) == getattr(other, word) for word in words)
             and dict(self.options) == dict(other.options)
             and dict(self.names) == dict(other.names)
             and all(np.array_equal(getattr(self, array), getattr(other, array)) for array in arrays)

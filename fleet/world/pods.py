@@ -118,12 +118,18 @@ class PlanarPods:
 
     def save(self) -> PlanarPodsSnapshot:
         """Copies of all that changes."""
-        arrays = self.planar, self._offsets, self._pod_of, self._heights, self._rises
-        return PlanarPodsSnapshot(*(array.copy() for array in arrays))
+        return PlanarPodsSnapshot(
+            poses=self.planar.copy(),
+            offsets=self._offsets.copy(),
+            pod_of=self._pod_of.copy(),
+            heights=self._heights.copy(),
+            rises=self._rises.copy(),
+        )
 
     def load(self, snapshot: PlanarPodsSnapshot) -> None:
         """Return to a saved state."""
-        self.planar, self._offsets, self._pod_of, self._heights, self._rises = (array.copy() for array in snapshot)
+        self.planar[:], self._offsets[:], self._pod_of[:] = snapshot.poses, snapshot.offsets, snapshot.pod_of
+        self._heights[:], self._rises[:] = snapshot.heights, snapshot.rises
 
 
 def _seen_from(car: FloatArray, pod: FloatArray) -> FloatArray:
