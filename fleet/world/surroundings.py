@@ -73,7 +73,7 @@ class Surroundings:
             circle=circle_m,
             widest=max(float(circle_m.max(initial=0.0)), math.hypot(*POD.half_m) if self._lifts.any() else 0.0),
         )
-        self._alone = Body(*(np.copy(part) for part in self._bodies[:-1]), widest=self._bodies.widest)
+        self._alone = [part.copy() for part in self._bodies[:-1]]  # without pods
         self._carried_by = np.empty(0, dtype=np.int64)
         self._pods: dict[int, tuple[float, float, float, float]] = {}
         self._may_pass = self._lifts
@@ -126,7 +126,7 @@ class Surroundings:
         if np.array_equal(carried_by, self._carried_by):
             return
         self._carried_by = carried_by
-        for part, alone in zip(self._bodies[:-1], self._alone[:-1], strict=True):
+        for part, alone in zip(self._bodies[:-1], self._alone, strict=True):
             part[:] = alone
         loaded = carried_by[carried_by >= 0]
         (length_m, width_m), height_m = POD.half_m, POD.height_m
