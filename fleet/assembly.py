@@ -214,7 +214,7 @@ def assemble(
     transfers = Transfers(inventory, perception, arm_manager, driver, world, tray_of)
     aboard = Aboard(missions, ways, slots, open_deliveries, abilities, loads, log)
     docks = Docks(missions, ways, services, transfers, admission, aboard, log)
-    visits = Visits(missions, places, routes, ways, charging, pods, world, log)
+    visits = Visits(missions, places, routes, ways, charging, world, log)
     fastest_move_s = site.grid.cell_m / scene.cars.most("max_speed_mps")
     rules = DispatchRules(
         missions=missions,

@@ -33,7 +33,8 @@ class VisitRoutes:
         self._places = places
         self._ways = ways
         self._bookings = bookings
-        self._pods = pods
+        self.pods = pods
+        """Who has which pod."""
 
     def to_errand(self, task: Task, tails: npt.NDArray[np.int32]) -> npt.NDArray[np.float64]:
         """Moves of each car to where a visit goes on, `UNREACHABLE` where there is no way, shape (n_cars,)."""
@@ -80,9 +81,9 @@ class VisitRoutes:
             rooms: Room left at places, by number; filled in for places that are asked for the first time. Pods are
                 below `NOT_BOOKED`.
         """
-        pod = self._pods.number(task)
+        pod = self.pods.number(task)
         if pod >= 0:
-            rooms[NOT_BOOKED - 1 - pod] = left = rooms.get(NOT_BOOKED - 1 - pod, int(self._pods.is_free_for(task))) - 1
+            rooms[NOT_BOOKED - 1 - pod] = left = rooms.get(NOT_BOOKED - 1 - pod, int(self.pods.is_free_for(task))) - 1
             return left >= 0
         for place in map(self._places.named, task.next_errand):
             if place.number == NOT_BOOKED:

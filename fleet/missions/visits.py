@@ -9,7 +9,6 @@ import numpy as np
 from fleet.missions.charging import Charging
 from fleet.missions.phases import CarPhase
 from fleet.missions.places import NOT_BOOKED, Place, Places
-from fleet.missions.pods import Pods
 from fleet.missions.state import Missions
 from fleet.missions.visit_routes import VisitRoutes
 from fleet.missions.ways import EMERGENCY_RANK_S, Ways
@@ -34,10 +33,9 @@ class Visits:
     Args:
         missions: What cars are about.
         places: Where cars can be sent.
-        routes: Tells where there is room.
+        routes: Tells where there is room, and who has which pod.
         ways: How far cars are from places.
         charging: Fills batteries; None = cars have none.
-        pods: The pods that cars fetch.
         world: Where cars really stand.
         log: Called as ``log(kind, **facts)`` when an errand is done, when a car is held, and when something is
             inspected.
@@ -50,7 +48,6 @@ class Visits:
         routes: VisitRoutes,
         ways: Ways,
         charging: Charging | None,
-        pods: Pods,
         world: World,
         log: Callable[..., None],
     ) -> None:
@@ -61,7 +58,7 @@ class Visits:
         self._routes = routes
         self._ways = ways
         self._charging = charging
-        self._pods = pods
+        self._pods = routes.pods
         self._world = world
         self._log = log
         self._came_s = np.zeros(world.n_cars)
