@@ -61,7 +61,7 @@ def make(tmp_path: Path) -> Make:
 def until_lifted(simulation: Simulation, name: str) -> int:
     """Run until the pod of an order is on its car, and that car is on its way; returns the car."""
     task = simulation.board.named(name)
-    while not (task.lifted and task.n_errands_done == 2):
+    while task.n_errands_done != 2:
         simulation.tick()
     assert task.car is not None
     return task.car
