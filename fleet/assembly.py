@@ -32,6 +32,7 @@ from fleet.missions.parcels.slots import Slots
 from fleet.missions.parcels.transfer_requests import Transfers
 from fleet.missions.parking import Parking
 from fleet.missions.places import Places
+from fleet.missions.pods import Pods
 from fleet.missions.services import Services
 from fleet.missions.state import Missions
 from fleet.missions.turns import TurnBook
@@ -55,7 +56,7 @@ from fleet.stations.stations import Stations
 from fleet.tasks.backlog import Backlog
 from fleet.tasks.board import TaskBoard
 from fleet.tasks.open_deliveries import OpenDeliveries
-from fleet.tasks.order import MAX_GENERATED_KG, Ability, Order, ability_of, generate_orders
+from fleet.tasks.order import LIFT, MAX_GENERATED_KG, Ability, Order, ability_of, generate_orders
 from fleet.tasks.order_file import OrderBook, OrderTerms, read_orders
 from fleet.tasks.reasons import ReasonBook
 from fleet.tasks.stream import stream_orders
@@ -175,7 +176,8 @@ def assemble(
     missions = Missions(board, stations, bookings, left_late, traffic)
     services = Services(missions, graph, traffic, world)
     ways = Ways(traffic)
-    routes = VisitRoutes(places, ways, bookings)
+    pods = Pods(world.pods if site.storage else None, places, graph, board, traffic, log)
+    routes = VisitRoutes(places, ways, bookings, pods)
     reasons = ReasonBook(log)
 
     # Parcels and arms.
@@ -228,7 +230,7 @@ def assemble(
         parking=Parking(places.parking, places.waiting, missions, ways),
         charging=charging,
     )
-    containment = Containment(missions, places, ways, fitness, inventory)
+    containment = Containment(missions, places, ways, fitness, inventory, pods)
     view = RunView(
         config=config,
         setup=setup,
@@ -304,8 +306,15 @@ def _abilities(config: RunConfig, setup: RunSetup) -> tuple[Ability, ...]:
             payload_kg,
             f"at most {model.max_payload_kg:g}, what its model {model.name} carries",
         )
+        require(
+            LIFT not in own.capabilities,
+            f"cars.car_{car}.capabilities",
+            LIFT,
+            "other words, as this is what models have that lift pods",
+        )
+        capabilities = tuple(own.capabilities) if model.lifts is None else (*own.capabilities, LIFT)
         slowness = max(1.0, PASS_SPEED_MPS / model.max_speed_mps)
-        found.append(ability_of(car, payload_kg, tuple(own.capabilities), slowness))
+        found.append(ability_of(car, payload_kg, capabilities, slowness))
     return tuple(found)
 
 

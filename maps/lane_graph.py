@@ -155,7 +155,10 @@ class LaneGraph:
 
 
 def build_lane_graph(
-    site: Site, motion: Literal["carlike"] = "carlike", footprint: Footprint | None = None
+    site: Site,
+    motion: Literal["carlike"] = "carlike",
+    footprint: Footprint | None = None,
+    closed: Sequence[int] = (),
 ) -> LaneGraph:
     """Build the car-like graph of a site: one state per lane, moves straight, left, right (and reverse if allowed).
 
@@ -173,6 +176,8 @@ def build_lane_graph(
         site: The site; `grid_lane_graph` serves bare grids.
         motion: Only "carlike".
         footprint: Of the vehicle; None = the usual car's, whose moves sweep two cells each.
+        closed: Cells that are closed to a vehicle with a footprint; moves that would leave it no way back are left out,
+            too.
 
     Raises:
         MotionError: Another motion model is asked for, or the cells are too small for the turning circle.
@@ -222,9 +227,13 @@ def build_lane_graph(
     beside = None
     if footprint is not None:
         drivable: npt.NDArray[np.bool_] = np.asarray((index >= 0).any(axis=1))
+        drivable[list(closed)] = False
+        move = move[drivable[cell[move[:, :2]]].all(axis=1)]
         swept = [_beside(row, cell, heading, offset, grid, footprint) for row in move.tolist()]
         fits = np.array([cells is not None and bool(drivable[cells].all()) for cells in swept], dtype=np.bool_)
-        move, beside = move[fits], [cells for cells in swept if cells is not None and drivable[cells].all()]
+        if closed:
+            fits[fits] = _joined(move[fits], n_states)
+        move, beside = move[fits], [cells for cells, fit in zip(swept, fits, strict=True) if cells is not None and fit]
 
     length, paths = _carlike_paths(move, pose, offset, cell_m, pivots=body.pivots)
     return _assemble("carlike", cell, heading, pose, index, move, length, paths, beside)
@@ -319,6 +328,18 @@ def grid_lane_graph(grid: GridMap, motion: Literal["pebble", "rotating"]) -> Lan
     ends[:, 1, 2] = ends[:, 0, 2] + quarter_turn
     path_s = np.column_stack((np.zeros(len(move)), length)).ravel()
     return _assemble(motion, cell, heading, pose, index, move, length, (path_ptr, ends.reshape(-1, 3), path_s))
+
+
+def _joined(move: npt.NDArray[np.int64], n_states: int) -> npt.NDArray[np.bool_]:
+    """Whether moves (from, to, kind) lead from and to states of the largest part in which every way has one back."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    ends = move[:, 0], move[:, 1]
+    ways = coo_array((np.ones(len(move), dtype=np.int8), ends), shape=(n_states, n_states))
+    part_of = connected_components(ways, directed=True, connection="strong")[1]
+    in_largest = part_of == np.bincount(part_of).argmax()
+    return np.asarray(in_largest[move[:, 0]] & in_largest[move[:, 1]])
 
 
 def _headings(lanes: Ints, cols: int) -> npt.NDArray[np.int64]:

@@ -26,12 +26,13 @@ LEGEND: dict[str, str] = {
     "A": "arm of the dock beside it; a dock may have two, on opposite sides",
     "K": "parking",
     "C": "charger",
+    "S": "storage place of a shelf pod",
 }
 """What each character of a plan means."""
 
 ARROWS: dict[str, int] = {">": EAST, "^": NORTH, "<": WEST, "v": SOUTH}
 _BLOCKED = "#=_A"
-_BAYS = "PDKC"
+_BAYS = "PDKCS"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -61,7 +62,7 @@ class FloorPlan:
 
     @property
     def bays(self) -> BoolGrid:
-        """Docks, parking and charging cells: places where cars stand, each with one way in and one way out."""
+        """Docks, parking, charging and storage cells: places where cars stand, each with one way in and one way out."""
         return self.mask(_BAYS)
 
     @property

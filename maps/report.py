@@ -102,7 +102,7 @@ def _warnings(site: Site, ratio: float) -> tuple[str, ...]:
     if not site.parking:
         found.append("no parking cell: idle cars will wait in the lanes")
     docks = [station.dock.cell for station in site.stations]
-    places = np.array([*docks, *site.parking, *site.chargers], dtype=np.int64)
+    places = np.array([*docks, *site.parking, *site.chargers, *site.storage], dtype=np.int64)
     start, end = site.lanes.astype(np.int64).T
     lane_set = set(zip(start.tolist(), end.tolist(), strict=True))
     blocked = {cell: n_separated(start, end, cell, places) for cell in separating(start, end, places.tolist())}
@@ -112,7 +112,7 @@ def _warnings(site: Site, ratio: float) -> tuple[str, ...]:
             found.append(f"{station.name}: the dock is left by a turn, so cars stop short of the cell's centre")
         if blocked.get(cell):
             found.append(f"{station.name}: a car in the dock blocks the only lane to {_others(blocked[cell])}")
-    for what, cells in (("parking", site.parking), ("charger", site.chargers)):
+    for what, cells in (("parking", site.parking), ("charger", site.chargers), ("storage", site.storage)):
         for cell in cells:
             if blocked.get(cell):
                 found.append(

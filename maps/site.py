@@ -75,14 +75,18 @@ class Site:
     """Whether the lanes were given and not derived from the drawing; a site file then has them."""
     names: Mapping[str, str] = field(default_factory=dict)
     """Name of a station -> what others call it, in whose layouts it goes by that."""
+    storage: tuple[int, ...] = ()
+    """Cells in which shelf pods stand, in reading order."""
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Site):
             return NotImplemented
-        words = ("name", "stations", "parking", "chargers", "cut_cells", "allow_reverse", "plan", "grid", "lanes_given")
+        words = ("name", "stations", "parking", "chargers", "storage", "cut_cells", "allow_reverse", "plan", "grid")
+        same = self.lanes_given == other.lanes_given
         arrays = ("walls", "shelves", "lanes", "against")
         return (
-            all(getattr(self, word) == getattr(other, word) for word in words)
+            same
+            and all(getattr(self, word) == getattr(other, word) for word in words)
             and dict(self.options) == dict(other.options)
             and dict(self.names) == dict(other.names)
             and all(np.array_equal(getattr(self, array), getattr(other, array)) for array in arrays)
@@ -97,10 +101,11 @@ class Site:
     def bays(self) -> dict[str, int]:
         """Cell of each place to stand at, by name.
 
-        Docks are called like their station, the others `parking_1`, ... and `charger_1`, ... in reading order.
+        Docks are called like their station, the others `parking_1`, ..., `charger_1`, ... and `storage_1`, ... in
+        reading order.
         """
         bays = {station.name: station.dock.cell for station in self.stations}
-        for kind, cells in (("parking", self.parking), ("charger", self.chargers)):
+        for kind, cells in (("parking", self.parking), ("charger", self.chargers), ("storage", self.storage)):
             bays |= {f"{kind}_{k}": cell for k, cell in enumerate(cells, start=1)}
         return bays
 
@@ -308,8 +313,8 @@ def site_from_plan(
             cells of a size that is out of range.
         StationError: A dock, its arm, slots and tray do not fit together, arms stand too near each other, or a name is
             that of no station.
-        LaneError: A station, parking or charging cell is a dead end or not connected to the rest, or lanes that are
-            given are not connected.
+        LaneError: A station, parking, charging or storage cell is a dead end or not connected to the rest, or lanes
+            that are given are not connected.
     """
     from maps.orientation import given_lanes, orient_lanes  # it needs packages that load for half a second
 
@@ -349,6 +354,7 @@ def site_from_plan(
         against=orientation.against,
         lanes_given=lanes is not None,
         names=dict(names or {}),
+        storage=tuple(plan.cells("S")),
     )
 
 
@@ -430,9 +436,9 @@ def _check_names(names: Mapping[str, str], stations: Sequence[StationPlace], whe
 
 
 def _check_bays(plan: FloorPlan, grid: GridMap, lanes: npt.NDArray[np.int32], where: str) -> None:
-    """Parking and charging cells can be entered and left by different lanes."""
+    """Parking, charging and storage cells can be entered and left by different lanes."""
     entered, left = set(lanes[:, 1].tolist()), set(lanes[:, 0].tolist())
-    for character, what in (("K", "parking"), ("C", "charger")):
+    for character, what in (("K", "parking"), ("C", "charger"), ("S", "storage")):
         for cell in plan.cells(character):
             if cell not in entered or cell not in left:
                 raise LaneError(
@@ -466,9 +472,9 @@ def _check_states(
     main = np.bincount(label).argmax()
     reached = {b for (_, b), part in zip(pairs, label, strict=True) if part == main}
     names = name_stations(plan, arm_sides)
-    for cell in [*names, *plan.cells("KC")]:
+    for cell in [*names, *plan.cells("KCS")]:
         if cell not in reached:
-            what = " and ".join(names.get(cell, ("parking or charger cell",)))
+            what = " and ".join(names.get(cell, ("parking, charger or storage cell",)))
             raise LaneError(
                 f"{where}: {what} at {grid.words(cell)} cannot be reached and left by a car that cannot "
                 "turn round; valid: one-way lanes that lead to it and on"

@@ -40,6 +40,7 @@ LONG = (
     "tests/integration/test_imported_sites.py",
     "tests/integration/test_mixed_runs.py",
     "tests/integration/test_mqtt.py",
+    "tests/integration/test_pod_orders.py",
     "tests/integration/test_replay_command.py",
     "tests/integration/test_safety_check.py",
     "tests/integration/test_scale_commands.py",

@@ -12,6 +12,7 @@ from maps.grid import GridMap
 from maps.site import Site
 
 WALL, SHELF, DOCK, PARKING, CHARGER, ARM = "#8a97a6", "#c8a878", "#dfe8f2", "#eeeeee", "#e3f0e3", "#404040"
+STORAGE = "#ecdfca"
 LANE = "#c4ccd4"
 MARGIN_PX, TITLE_PX = 8.0, 30.0
 _HEAD = 0.13
@@ -97,6 +98,7 @@ class FloorPicture(FloorFrame):
         self.cells([station.dock.cell for station in site.stations], DOCK)
         self.cells(site.parking, PARKING)
         self.cells(site.chargers, CHARGER)
+        self.cells(site.storage, STORAGE)
         if lanes:
             for start, end in grid.cell_xy(site.lanes.ravel()).reshape(-1, 2, 2):
                 self._lane(start, end)

@@ -11,6 +11,7 @@ from fleet.dispatch.fitness import Fitness
 from fleet.missions.parcels.inventory import Inventory
 from fleet.missions.phases import GONE, CarPhase
 from fleet.missions.places import Places
+from fleet.missions.pods import Pods
 from fleet.missions.state import Missions
 from fleet.missions.ways import Ways
 from fleet.stations.stations import Stations
@@ -32,15 +33,19 @@ class Containment:
         ways: Which places hang together.
         fitness: Which cars can do what.
         inventory: Takes out the parcels of tasks that are given up.
+        pods: Tells which pods nobody can fetch any more.
     """
 
-    def __init__(self, missions: Missions, places: Places, ways: Ways, fitness: Fitness, inventory: Inventory) -> None:
+    def __init__(
+        self, missions: Missions, places: Places, ways: Ways, fitness: Fitness, inventory: Inventory, pods: Pods
+    ) -> None:
         self._missions = missions
         self._stations: Stations = missions.stations
         self._places = places
         self._ways = ways
         self._fitness = fitness
         self._inventory = inventory
+        self._pods = pods
         self._seen: tuple[int, ...] = ()
 
     def tick(self, now_s: float) -> None:
@@ -74,6 +79,9 @@ class Containment:
                 f"car_{car}" for car in self._missions.cars_in(*GONE) if self._fitness.fits_any(task, np.array([car]))
             ]
             return f"no car that is left can do it: {', '.join(able_once) or 'none of all'} could"
+        pod_lost = self._pods.why_lost(task)
+        if pod_lost:
+            return pod_lost
         lost = self._lost(task)
         if lost:
             return f"{lost} is closed for good"

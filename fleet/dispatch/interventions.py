@@ -69,6 +69,8 @@ class Interventions:
         Raises:
             CannotCancel: It is too late.
         """
+        if task.lifted and task.state in CANCELLABLE:
+            raise CannotCancel(f"task {task.order.name}: car_{task.car} has lifted the pod; valid: until then")
         if task.state not in CANCELLABLE:
             own = CANCELLABLE if task.visit is not None else CANCELLABLE - {TaskState.VISITING}
             valid = ", ".join(state for state in TaskState if state in own)
@@ -87,6 +89,8 @@ class Interventions:
         if task.state not in _CAN_CHANGE_HANDS or task.car is None:
             valid = TaskState.ASSIGNED if task.visit is None else ", ".join(_CAN_CHANGE_HANDS)
             raise CannotRequeue(f"task {task.order.name} is {task.state}; valid to requeue: {valid}")
+        if task.lifted:
+            raise CannotRequeue(f"task {task.order.name}: car_{task.car} has lifted the pod; valid: until then")
         car = task.car
         task.shunned.add(car)
         self._missions.unassign(task, now_s, reason)
@@ -102,7 +106,10 @@ class Interventions:
         missions.enter(car, phase)
         if task is None:
             return
-        if task.state in _CAN_CHANGE_HANDS:
+        if task.lifted:
+            if phase is CarPhase.DEAD:
+                self._visits.give_up(car, task, now_s, reason)
+        elif task.state in _CAN_CHANGE_HANDS:
             missions.unassign(task, now_s, reason)
         elif task.state is TaskState.CARRIED and phase is CarPhase.DEAD:
             self._docks.strand(task, car, now_s, reason)
@@ -113,8 +120,10 @@ class Interventions:
         task = missions.task_of[car]
         if task is not None and task.state is TaskState.CARRIED:
             self._admission.set_off(car, task, tick, now_s)
+        elif task is not None and task.lifted:
+            self._visits.set_off_again(car, task, tick, now_s)
         else:
-            stays = self._inventory.tray_is_loaded(car) and not missions.aboard[car]
+            stays = (self._inventory.tray_is_loaded(car) and not missions.aboard[car]) or self._visits.keeps_pod(car)
             missions.enter(car, CarPhase.RETIRED if stays else CarPhase.IDLE)
         missions.changed = True
 
@@ -125,7 +134,7 @@ class Interventions:
         task = missions.task_of[car]
         if missions.phase[car] is CarPhase.IDLE:
             missions.enter(car, CarPhase.RETIRED)
-        elif task is not None and task.state in _CAN_CHANGE_HANDS:
+        elif task is not None and task.state in _CAN_CHANGE_HANDS and not task.lifted:
             self.requeue(task, now_s, f"car_{car} leaves service")
 
     def bring_back(self, car: int) -> None:
@@ -169,8 +178,7 @@ class Interventions:
                 board.move(task, TaskState.FAILED, now_s, f"was {task.state} for {limits.service_s:g} s")
         for task in board.longer_than(limits.visiting_s, now_s, TaskState.VISITING):
             if task.car is not None:
-                board.move(task, TaskState.FAILED, now_s, f"had not ended after {limits.visiting_s:g} s")
-                missions.release(task.car)
+                self._visits.give_up(task.car, task, now_s, f"had not ended after {limits.visiting_s:g} s")
         for task in board.longer_than(limits.carried_s, now_s, TaskState.CARRIED):
             if task.car is not None and missions.task_of[task.car] is task:
                 reason = f"car_{task.car} was not at {task.delivery.drop} after {limits.carried_s:g} s"
@@ -209,7 +217,7 @@ class Interventions:
             if task is None:
                 continue
             if task.visit is not None:
-                if not self._visits.has_way(car, task):
+                if not task.lifted and not self._visits.has_way(car, task):
                     missions.unassign(task, now_s, f"car_{car} has no way to {task.place}")
                     missions.release(car)
                 continue

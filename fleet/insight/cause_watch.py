@@ -233,7 +233,7 @@ class CauseWatch:
         elif phase is CarPhase.STANDING:
             leaves_s, place = run.visits.leave_s(car), int(run.bookings.place_of[car])
             until = NONE if leaves_s is None else round(leaves_s / run.tick_s)
-            self._set(car, Cause.VISITS, place=place, until=until)
+            self._set(car, Cause.VISITS, place=place, until=until, detail=DETAIL_OF[run.visits.handles(car)])
         elif phase in (CarPhase.RECOVERING, CarPhase.RETIRED, CarPhase.DEAD):
             self._set(car, Cause.FAULT, detail=self._fault(car, phase))
 

@@ -118,6 +118,8 @@ DETAILS: tuple[str, ...] = tuple(
             *map(str, TaskReason),
             "stopped",
             "out",
+            "lifts",
+            "sets_down",
         )
     )
 )

@@ -29,7 +29,7 @@ class Codebook:
     n_cars: int
     n_arms: int
     places: tuple[str, ...]
-    """Stations in the order of their arms, chargers, parking places."""
+    """Stations in the order of their arms, chargers, parking and storage places."""
     task_name: Callable[[int], str]
 
     @cached_property

@@ -45,6 +45,7 @@ _FAULTS = {
     "stopped": "is told to stand still",
     "out": "was taken out of service",
 }
+_PODS = {"lifts": "lifts a pod", "sets_down": "sets down a pod"}
 _IDLE = {
     "": "none is open",
     "next_round": "{task} has not been given out since it is free",
@@ -107,6 +108,10 @@ def _needs(link: Link) -> str:
     return f"{slow}needs {link.left_s:.1f} s more" if link.left_s is not None else f"{slow}is at work"
 
 
+def _visits(link: Link) -> str:
+    return f"{_PODS.get(link.detail, 'stands')} at {link.place or 'its place'} for {link.task}"
+
+
 def _blocked(link: Link) -> str:
     if link.cell is None:
         return "there is none on this floor"
@@ -162,7 +167,7 @@ _REASONS: dict[Cause, Phrase] = {
         else "its charge is low, and it waits for a charger"
     ),
     Cause.CHARGES: lambda link: f"it charges at {link.place}{_left(link, ' for ')}",
-    Cause.VISITS: lambda link: f"it stands at {link.place or 'its place'} for {link.task}{_left(link, ' for ')}",
+    Cause.VISITS: lambda link: f"it {_visits(link)}{_left(link, ' for ')}",
     Cause.NO_TASK: _idle,
     Cause.FAULT: lambda link: f"it {_FAULTS.get(link.detail, 'is out of service')}",
     Cause.WORKS: lambda link: f"it {_needs(link)}",
@@ -181,7 +186,7 @@ _PREDICATES: dict[Cause, Phrase] = {
     Cause.CHARGES: lambda link: (
         f"charges at {link.place}{_left(link, ' and needs ')}{'' if link.left_s is None else ' more'}"
     ),
-    Cause.VISITS: lambda link: f"stands at {link.place or 'its place'} for {link.task}{_left(link, ', for ')}",
+    Cause.VISITS: lambda link: f"{_visits(link)}{_left(link, ', for ')}",
     Cause.NO_TASK: lambda link: f"has no task: {_idle(link)}",
     Cause.FAULT: lambda link: _FAULTS.get(link.detail, "is out of service"),
     Cause.WORKS: _needs,

@@ -67,7 +67,14 @@ STATES_IN: Mapping[CarPhase, frozenset[TaskState | None]] = MappingProxyType(
         CarPhase.TO_PLACE: frozenset({TaskState.ASSIGNED, TaskState.VISITING}),
         CarPhase.STANDING: frozenset({TaskState.VISITING}),
         CarPhase.RECOVERING: frozenset(
-            {None, TaskState.LOADING, TaskState.CARRIED, TaskState.UNLOADING, TaskState.FAILED}
+            {
+                None,
+                TaskState.LOADING,
+                TaskState.CARRIED,
+                TaskState.UNLOADING,
+                TaskState.VISITING,
+                TaskState.FAILED,
+            }
         ),
         CarPhase.RETIRED: frozenset({None}),
         CarPhase.DEAD: frozenset({None, TaskState.LOADING, TaskState.UNLOADING, TaskState.FAILED}),

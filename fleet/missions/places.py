@@ -29,7 +29,8 @@ class Place:
 
 
 class Places:
-    """All places of a site. Those that are booked are numbered: stations as their arms, then chargers, then parking.
+    """All places of a site. Those that are booked are numbered: stations as their arms, then chargers, parking, and
+    storage.
 
     Args:
         site: The site.
@@ -42,9 +43,11 @@ class Places:
         """Lane-graph state of each charger."""
         self.parking: tuple[int, ...] = tuple(graph.first_states(site.parking).tolist())
         """Lane-graph state of each parking place."""
+        self.storage: tuple[int, ...] = tuple(graph.first_states(site.storage).tolist())
+        """Lane-graph state of each storage place, below the pod of that number."""
         self.waiting = np.flatnonzero(np.isin(graph.state_cell[: graph.n_places], waiting_cells(site, graph)))
         """Lane-graph states in which cars may wait when all parking places are taken, ascending."""
-        self._states = [*(station.dock_state for station in stations), *self.chargers, *self.parking]
+        self._states = [*(station.dock_state for station in stations), *self.chargers, *self.parking, *self.storage]
         self.cells: tuple[int, ...] = tuple(graph.state_cell[self._states].tolist())
         """Cell of each place that is booked."""
         self.charger_numbers = range(len(stations), len(stations) + len(self.chargers))

@@ -200,6 +200,8 @@ class Missions:
         if task.car is not None:
             self._take(task.car)
         task.car, task.place = None, ""
+        if task.visit is not None and task.visit.pod:
+            task.n_errands_done = 0  # who fetches the pod has to come to it first
         self.board.move(task, TaskState.READY, now_s, reason)
         self.changed = self.lost_a_car = True
 

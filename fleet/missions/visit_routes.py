@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fleet.missions.places import NOT_BOOKED, Place, Places
+from fleet.missions.pods import Pods
 from fleet.missions.ways import Ways
 from fleet.stations.booking import Bookings
 from fleet.tasks.board import Task
@@ -18,18 +19,22 @@ Errand = tuple[Place, ...]
 
 
 class VisitRoutes:
-    """Ways of visits. The way on from an errand for which several places will do is counted from the first of them.
+    """Ways of visits. The way on from an errand for which several places will do is counted from the first of them,
+    ways to and from a pod from beside it: nobody has a way to its cell before he is there.
 
     Args:
         places: Where cars can be sent.
         ways: How far they are.
         bookings: Room at the places.
+        pods: Tells which pods other cars have.
     """
 
-    def __init__(self, places: Places, ways: Ways, bookings: Bookings) -> None:
+    def __init__(self, places: Places, ways: Ways, bookings: Bookings, pods: Pods) -> None:
         self._places = places
         self._ways = ways
         self._bookings = bookings
+        self.pods = pods
+        """Who has which pod."""
 
     def to_errand(self, task: Task, tails: npt.NDArray[np.int32]) -> npt.NDArray[np.float64]:
         """Moves of each car to where a visit goes on, `UNREACHABLE` where there is no way, shape (n_cars,)."""
@@ -43,7 +48,10 @@ class VisitRoutes:
 
     def errands(self, task: Task) -> list[Errand]:
         """The errands that a visit has before it, at least one; of the next those places that have room, if any has."""
-        errands = task.visit.errands[task.n_errands_done :] if task.visit is not None else ()
+        errands = () if task.visit is None else task.visit.errands[task.n_errands_done :]
+        if task.visit is not None and task.visit.pod:
+            beside, home = task.visit.errands[:2]
+            errands = tuple(beside if errand == home else errand for errand in errands)
         first, *rest = [tuple(map(self._places.named, errand)) for errand in errands]
         # Its car, if it has one, has room there already.
         free = tuple(place for place in first if place.name == task.place or self.room(place) > 0)
@@ -70,8 +78,13 @@ class VisitRoutes:
 
         Args:
             task: The visit.
-            rooms: Room left at places, by number; filled in for places that are asked for the first time.
+            rooms: Room left at places, by number; filled in for places that are asked for the first time. Pods are
+                below `NOT_BOOKED`.
         """
+        pod = self.pods.number(task)
+        if pod >= 0:
+            rooms[NOT_BOOKED - 1 - pod] = left = rooms.get(NOT_BOOKED - 1 - pod, int(self.pods.is_free_for(task))) - 1
+            return left >= 0
         for place in map(self._places.named, task.next_errand):
             if place.number == NOT_BOOKED:
                 return True

@@ -1,4 +1,4 @@
-"""Pods: a lifter drives under a pod, lifts it, carries it over two sides of a square, sets it down and drives away."""
+"""Pods: a carrier drives under a pod, lifts it, carries it over two sides of a square, sets it down and drives away."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ import numpy as np
 from fleet.arrays import FloatArray
 from fleet.proving.course import Course, Leg
 from fleet.proving.vehicles import TICK_S, PhysicalTwist, TwistControl
-from fleet.robots.twist import TWIST_PROMISES
-from fleet.robots.twist.lifter import LIFT_M, LIFT_MPS, POD_M, lifter_spec, pod_urdf
+from fleet.robots.twist import POD_CARRIER, TWIST_PROMISES, TWIST_ROBOTS
+from fleet.robots.twist.pod import LIFT_S, POD, pod_urdf
 from fleet.world.bullet.engine.client import Client
 from fleet.world.bullet.engine.frames import rotation
 from fleet.world.bullet.vehicles.floor import load_on_floor
@@ -31,10 +31,10 @@ COURSE = Course.of(
 """To the pod, twenty metres with it, and away from it."""
 _UNDER, _THERE, _AWAY = 0, 3, 4
 """Legs at whose ends it stops."""
-_LIFTED_S = LIFT_M / LIFT_MPS + 1.0
+_LIFTED_S = LIFT_S + 1.0
 _AT_REST_S = 0.5
 _MOST_S = 200.0
-_FEET = 0.5 * np.array(POD_M) * [[1.0, 1.0], [1.0, -1.0], [-1.0, 1.0], [-1.0, -1.0]]
+_FEET = np.array(POD.half_m) * [[1.0, 1.0], [1.0, -1.0], [-1.0, 1.0], [-1.0, -1.0]]
 """Corners of a pod, x, y [m]."""
 
 
@@ -43,7 +43,7 @@ class PodReport:
     """Figures of one carriage."""
 
     arrived: bool
-    """Whether the lifter stood at the end of its way."""
+    """Whether the carrier stood at the end of its way."""
     off_m: float
     """Distance of the pod from where it was to be set down."""
     off_rad: float
@@ -51,19 +51,19 @@ class PodReport:
     lifted_m: float
     """Least height of the pod's legs above the floor on the way."""
     n_touches: int
-    """Ticks in which the pod touched the lifter beside its plate, or the floor on the way."""
+    """Ticks in which the pod touched the carrier beside its plate, or the floor on the way."""
     lean_rad: float
     """Greatest roll or pitch of the pod."""
 
 
 def carry(seed: int) -> PodReport:
-    """Let a lifter carry a pod, with noisy sensors.
+    """Let a carrier carry a pod, with noisy sensors.
 
     Args:
         seed: Of the sensors' errors.
     """
     rng = np.random.default_rng(seed)
-    spec = lifter_spec()
+    spec = TWIST_ROBOTS[POD_CARRIER]()
     vehicle = PhysicalTwist(spec, 0.0, 1.0, rng)
     try:
         return _Carriage(vehicle, TwistControl(spec, rng, TWIST_PROMISES[spec.name].follower)).run()
@@ -78,7 +78,7 @@ class _Carriage:
         self._vehicle, self._control = vehicle, control
         self._client, body = vehicle.seen()
         self._pod = load_on_floor(self._client, pod_urdf(), _pose_at(_UNDER))
-        self._lift = Lift(self._client, body, self._pod)
+        self._lift = Lift(self._client, body)
         self._paths = COURSE.paths()
         self._state = vehicle.advance(np.zeros(2))
         self._ticks = self._n_touches = 0
@@ -90,11 +90,11 @@ class _Carriage:
         arrived = self._drive(_UNDER)
         self._lift.raise_()
         self._stand(_LIFTED_S)
-        self._lift.hold()
+        hold = self._lift.hold(self._pod)
         self._carried = True
         arrived &= self._drive(_THERE)
         self._carried = False
-        self._lift.let_go()
+        hold.end(self._client)
         self._lift.lower()
         self._stand(_LIFTED_S)
         arrived &= self._drive(_AWAY)
@@ -127,7 +127,7 @@ class _Carriage:
         self._ticks += 1
         _, height_m, lean_rad = _lying(self._client, self._pod)
         self._lean_rad = max(self._lean_rad, lean_rad)
-        touches = self._lift.touches()
+        touches = self._lift.touches(self._pod)
         if self._carried:
             self._lifted_m = min(self._lifted_m, height_m)
             touches |= height_m <= 0.0

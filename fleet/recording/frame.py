@@ -50,6 +50,9 @@ class Frame:
     """What each car is about, in the words of the time accounts: driving loaded, traffic, served, ..."""
     arm_state: tuple[str, ...]
     """One word per arm."""
+    pod_poses: FloatArray | None = None
+    """Poses x, y, z, qx, qy, qz, qw of the pods' frames, which have x ahead and are at their feet, shape (k, 7);
+    None = there are none."""
     task_state: Mapping[str, str] = field(default_factory=dict)
     """Task name -> state; tasks that did not change since the last frame may be left out. Nobody changes it later."""
     task_counts: Mapping[str, float] = field(default_factory=dict)

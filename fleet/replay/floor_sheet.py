@@ -14,6 +14,7 @@ from maps.site import Site
 
 FLOOR, CLOSED, WALL, SHELF = "#f4f4f0", "#e4e4de", "#5a5a60", "#b8aea0"
 PICK, DROP, PARKING, CHARGER = "#c8e4c8", "#f0d6be", "#e2e6ee", "#ece2a6"
+STORAGE = "#ecdfca"
 ARM, LANE, INK, NOSE = "#e1781e", "#9a9a94", "#333333", "#1e1e1e"
 EDGE = 0.02
 """Gap between two cells, as a share of a cell."""
@@ -52,6 +53,7 @@ class FloorSheet(FloorFrame):
         colors[site.shelves.ravel()] = SHELF
         colors[list(site.parking)] = PARKING
         colors[list(site.chargers)] = CHARGER
+        colors[list(site.storage)] = STORAGE
         for station in site.stations:
             colors[station.dock.cell] = PICK if station.kind == "pick" else DROP
         for cell in range(grid.n_cells):

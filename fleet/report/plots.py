@@ -159,7 +159,7 @@ def heat_map(
     return sheet
 
 
-_BAYS = {"P": "dock, pick", "D": "dock, drop", "K": "parking", "C": "charger", "A": "arm"}
+_BAYS = {"P": "dock, pick", "D": "dock, drop", "K": "parking", "C": "charger", "S": "storage", "A": "arm"}
 
 
 def _shade(value: float, most: float) -> float:

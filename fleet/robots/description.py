@@ -34,6 +34,16 @@ def box(size: Sequence[float], xyz: Sequence[float]) -> str:
     return f'<origin xyz="{spaced(xyz)}"/><geometry><box size="{spaced(size)}"/></geometry>'
 
 
+def box_inertia(mass_kg: float, size_m: Sequence[float]) -> tuple[float, float, float]:
+    """Moments of inertia of a solid box about its middle [kg m^2]."""
+    x, y, z = size_m
+    return (
+        round(mass_kg / 12.0 * (y * y + z * z), 5),
+        round(mass_kg / 12.0 * (x * x + z * z), 5),
+        round(mass_kg / 12.0 * (x * x + y * y), 5),
+    )
+
+
 def solid_box(size: Sequence[float], xyz: Sequence[float], material: str) -> str:
     """A box that is drawn and collides."""
     shape = box(size, xyz)

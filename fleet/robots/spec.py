@@ -104,6 +104,21 @@ class CarMotors:
 
 
 @dataclass(frozen=True, kw_only=True)
+class PodShape:
+    """A shelf pod: what it takes of the floor when it is carried."""
+
+    length_m: float
+    width_m: float
+    height_m: float
+    """Its top above the floor when it stands."""
+
+    @property
+    def half_m(self) -> tuple[float, float]:
+        """Half of its length and width [m]."""
+        return self.length_m / 2, self.width_m / 2
+
+
+@dataclass(frozen=True, kw_only=True)
 class CarSpec(CarLimits):
     """A model of cars; the reference point of its pose is on the floor: the centre of the rear axle, or, of a car that
     does not steer, the middle about which it turns.
@@ -145,6 +160,8 @@ class CarSpec(CarLimits):
     """Links: 'chassis' (frame of the reference point), `WHEELS`, 'tray'."""
     settle_s: float = 0.0
     """How long it has to stand before it counts as at rest: legs bring their last steps to an end [s]."""
+    lifts: PodShape | None = None
+    """The pods that it drives under and carries, their middle above its reference point; None = it lifts none."""
     rear_axle_m: float = 0.0
     """Rear axle ahead of the reference point [m]."""
 
@@ -170,11 +187,12 @@ class CarSpec(CarLimits):
 
     @property
     def footprint(self) -> Footprint:
-        """What it takes of the floor, and how tightly it turns."""
+        """What it takes of the floor, with a pod if it lifts pods, and how tightly it turns."""
+        length_m, width_m = (0.0, 0.0) if self.lifts is None else self.lifts.half_m
         return Footprint(
-            front_m=self.front_m,
-            rear_m=self.rear_m,
-            half_width_m=self.half_width_m,
+            front_m=max(self.front_m, length_m),
+            rear_m=max(self.rear_m, length_m),
+            half_width_m=max(self.half_width_m, width_m),
             turn_radius_m=self.wheelbase_m / math.tan(self.max_steering_rad) if self.steers else 0.0,
             pivots=not self.steers,
         )

@@ -26,21 +26,27 @@ def lanes_for(site: Site, models: CarModels) -> LaneGraph:
     """
     graphs = []
     for kind in models.kinds:
-        graphs.append(build_lane_graph(site, footprint=None if kind.name == USUAL_MODEL else kind.footprint))
+        # A pod is higher than arms hang over their docks.
+        closed = [] if kind.lifts is None else [station.dock.cell for station in site.stations]
+        footprint = None if kind.name == USUAL_MODEL else kind.footprint
+        graphs.append(build_lane_graph(site, footprint=footprint, closed=closed))
         if kind.name != USUAL_MODEL:
             _require_ways(site, graphs[-1], kind)
     return side_by_side(graphs)
 
 
 def _require_ways(site: Site, graph: LaneGraph, kind: CarSpec) -> None:
-    """Refuse a model that cannot drive between all places where cars have to come."""
+    """Refuse a model that cannot drive between all places where its cars have to come."""
     ends = np.stack((graph.move_from, graph.move_to))
     moves = coo_array((np.ones(graph.n_moves, dtype=np.int8), ends), shape=(graph.n_states, graph.n_states))
     part_of = connected_components(moves, directed=True, connection="strong")[1]
     largest = int(np.bincount(part_of).argmax())
-    docks = [(f"station {station.name}", station.dock.cell) for station in site.stations]
-    parking = [(f"the parking place at {site.grid.words(cell)}", cell) for cell in site.parking]
-    for name, cell in (*docks, *parking):
+    places = [(f"the parking place at {site.grid.words(cell)}", cell) for cell in site.parking]
+    if kind.lifts is None:
+        places += [(f"station {station.name}", station.dock.cell) for station in site.stations]
+    else:
+        places += [(f"the storage place at {site.grid.words(cell)}", cell) for cell in site.storage]
+    for name, cell in places:
         states = graph.states_of_cell(cell)
         if not (part_of[states] == largest).any():
             length_m, width_m = kind.front_m + kind.rear_m, 2 * kind.half_width_m

@@ -45,6 +45,7 @@ class RunSetup:
         require_room(config.robots, site)
         models = CarModels.named(config.models)
         _check(config, models)
+        _check_pods(config, site)
         graph = lanes_for(site, models)
         docks = [place.dock.cell for place in site.stations]
         against = states_of_lanes(graph, site.against, site.grid) if site.allow_reverse else None
@@ -56,6 +57,17 @@ class RunSetup:
             scene=scene_of(site, graph.state_pose[states], config.grip, config.arms, models),
             distances=FloorDistances(graph, docks, against=against),
         )
+
+
+def _check_pods(config: RunConfig, site: Site) -> None:
+    """Refuse pods where a world has none."""
+    if not site.storage:
+        return
+    valid = f"physics, kinematic or grid on site {site.name}, on which pods stand"
+    require(config.fidelity is not Fidelity.MIXED, "--fidelity", str(config.fidelity), valid)
+    tiled = config.fidelity is Fidelity.PHYSICS and config.connect is Connect.DIRECT
+    most = config.physics.plain_cars_n if tiled else config.robots
+    require(config.robots <= most, "--robots", config.robots, f"1 to {most} in physics, on a site on which pods stand")
 
 
 def _check(config: RunConfig, models: CarModels) -> None:

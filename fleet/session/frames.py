@@ -209,6 +209,7 @@ class Watch:
             parcel_size_m=self._parcel_sizes,
             car_state=self._car_words,
             arm_state=self._arm_words,
+            pod_poses=None if world.pods is None else world.pods.poses(),
             task_state=changed,
             plan_epoch=self._epoch,
             views=views,

@@ -40,13 +40,14 @@ class Tracer:
         stations = tuple(station.name for station in run.stations)
         chargers = tuple(f"charger_{k}" for k in range(1, len(site.chargers) + 1))
         parking = tuple(f"parking_{k}" for k in range(1, len(site.parking) + 1))
+        storage = tuple(f"storage_{k}" for k in range(1, len(site.storage) + 1))
         about = {
             "run": name,
             "tick_s": run.tick_s,
             "plan": site.plan,
             "cell_m": site.grid.cell_m,
             "stations": stations,
-            "places": (*stations, *chargers, *parking),
+            "places": (*stations, *chargers, *parking, *storage),
             "place_cells": list(map(int, run.places.cells)),
             "phases": PHASES,
             "arm_states": _ARM_STATES,

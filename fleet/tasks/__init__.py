@@ -23,6 +23,7 @@ TASK_TYPES: dict[str, TaskType] = _made(
         "inspect": "fleet.tasks.types.inspection.InspectType",
         "charge": "fleet.tasks.types.charge.ChargeType",
         "park": "fleet.tasks.types.park.ParkType",
+        "pod": "fleet.tasks.types.pod.PodType",
     }
 )
 """All kinds of orders, by the name that order files give them."""

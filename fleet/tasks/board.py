@@ -102,6 +102,8 @@ class Task:
     """The place that the car of a visit goes to, stands at, or waits for."""
     n_errands_done: int = 0
     """Errands of a visit that have been done, by whatever car."""
+    lifted: bool = False
+    """Whether its car has lifted the pod of a visit: no other car can go on with it."""
     shunned: set[int] = field(default_factory=set)
     """Cars it was taken from because they did not get there, which come last."""
     pick_slot: int | None = None
@@ -138,6 +140,8 @@ class Task:
     @property
     def next_words(self) -> str:
         """The same in words."""
+        if isinstance(self.order, Visit) and self.order.pod and not self.lifted:
+            return self.order.pod
         names = self.next_errand
         return " or ".join(names) if len(names) <= 3 else f"one of {names[0]} to {names[-1]}"
 

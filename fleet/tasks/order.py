@@ -23,6 +23,10 @@ _GENERATED_EDGE_M = (0.05, 0.08)
 _GENERATED_KG = (0.1, MAX_GENERATED_KG)
 
 
+LIFT = "lift"
+"""Capability of cars that lift pods; no other car has it."""
+
+
 class Priority(StrEnum):
     """Strict classes, the most urgent first: no number of orders of a later class outweighs one of an earlier."""
 
@@ -105,6 +109,9 @@ class Visit(Order):
     """The car stands until its battery is full."""
     inspects: bool = False
     """When the car has stood, an event `inspected` tells its pose."""
+    pod: str = ""
+    """The pod that its car lifts at the second errand, stands with at the third, and sets down at the last; before the
+    first one, which is beside the pod, nobody has room under it. Empty = none."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -39,8 +39,17 @@ class PlaceNames:
         return int(row) * self._site.grid.cols + int(col)
 
     def numbered(self, kind: str, n: int) -> tuple[str, ...]:
-        """Names of the first places of a kind, `parking` or `charger`."""
+        """Names of the first places of a kind, `parking`, `charger` or `storage`."""
         return tuple(f"{kind}_{k}" for k in range(1, n + 1))
+
+    def before(self, name: str) -> tuple[str, ...]:
+        """Places from which lanes lead into a bay: one, unless the lanes were given."""
+        starts = self._site.lanes[self._site.lanes[:, 1] == self._bays[name], 0].tolist()
+        return tuple(self._name(cell) for cell in starts)
+
+    def _name(self, cell: int) -> str:
+        row, col = divmod(cell, self._site.grid.cols)
+        return self._name_of.get(cell, f"{row},{col}")
 
     def places(self, fields: Fields, name: str) -> tuple[str, ...]:
         """The places in a field, each by the one name it has here; none if the field is empty.
@@ -82,13 +91,14 @@ class PlaceNames:
             row, col = int(at[1]), int(at[2])
             cell = row * grid.cols + col
             if cell in self._lane_cells:
-                return self._name_of.get(cell, f"{row},{col}")
+                return self._name(cell)
         raise OrdersError(f"{field} is {shown(word)}; valid: {self._valid()}, or row,col of a cell with a lane")
 
     def _valid(self) -> str:
         stations = [station.name for station in self._site.stations]
         ranges = []
-        for kind, cells in (("parking", self._site.parking), ("charger", self._site.chargers)):
+        site = self._site
+        for kind, cells in (("parking", site.parking), ("charger", site.chargers), ("storage", site.storage)):
             if cells:
                 ranges.append(f"{kind}_1" if len(cells) == 1 else f"{kind}_1 to {kind}_{len(cells)}")
         return ", ".join([*stations, *ranges])

@@ -111,6 +111,10 @@ class Executor:
         """Whether a car holds a cell: it stands there, may enter it, or has reserved it."""
         return self.dependencies.holds(car, cell)
 
+    def is_free(self, cell: int) -> bool:
+        """Whether no car holds a cell."""
+        return bool(self.dependencies.queues.holder[cell] == NOBODY)
+
     @property
     def closed(self) -> npt.NDArray[np.bool_]:
         """Cells into which nobody is let at present, shape (n_cells,)."""
@@ -134,7 +138,7 @@ class Executor:
             cell: The cell.
             for_a_moment: Whether what leads through it waits; else it is dropped.
         """
-        if self.dependencies.queues.holder[cell] != NOBODY:
+        if not self.is_free(cell):
             return False
         self.close(cell)
         if not for_a_moment:

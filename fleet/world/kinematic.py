@@ -19,6 +19,7 @@ from fleet.sensors.camera import Camera, CameraImage
 from fleet.sensors.errors import SensorError
 from fleet.world.arms import ServoArms
 from fleet.world.parcels import ParcelSnapshot, PlanarParcels
+from fleet.world.pods import PlanarPods, PlanarPodsSnapshot
 from fleet.world.protocol import TOOL_FAILED, Contacts, ParcelBody
 from fleet.world.ray_points import ray_points
 from fleet.world.scene import Scene
@@ -184,6 +185,7 @@ class PlanarSnapshot:
     parcels: ParcelSnapshot
     failed: BoolArray
     surroundings: SurroundingsSnapshot
+    pods: PlanarPodsSnapshot | None
 
 
 class PlanarWorld:
@@ -209,6 +211,7 @@ class PlanarWorld:
         self._parcels = PlanarParcels(scene.boxes, scene.cars, self.n_arms)
         self._failed = np.zeros(self.n_arms, dtype=np.bool_)
         self._surroundings = Surroundings(scene, self._arms)
+        self.pods = PlanarPods(scene.pod_start, self.n_cars, tick_s) if len(scene.pod_start) else None
 
     def step(self, car_commands: FloatArray, arm_q: FloatArray, arm_qd: FloatArray, grip: BoolArray) -> None:
         """See `World`; joints are moved by position alone, `arm_qd` is not used.
@@ -226,6 +229,9 @@ class PlanarWorld:
         self._arms.step(arm_q)
         self._failed &= grip
         self._parcels.update(self._cars.poses, self._arms.tips, grip & ~self._failed)
+        if self.pods is not None:
+            self.pods.step(self._cars.poses)
+            self._surroundings.see_pods(self.pods.planar, self.pods.carried_by())
         self._surroundings.observe(self._cars.poses, self._parcels.held_spheres())
 
     def car_poses(self) -> FloatArray:
@@ -336,6 +342,7 @@ class PlanarWorld:
             parcels=self._parcels.save(),
             failed=self._failed.copy(),
             surroundings=self._surroundings.save(),
+            pods=None if self.pods is None else self.pods.save(),
         )
 
     def load(self, snapshot: object) -> None:
@@ -351,11 +358,15 @@ class PlanarWorld:
         self._parcels.load(snapshot.parcels)
         self._failed = snapshot.failed.copy()
         self._surroundings.load(snapshot.surroundings)
+        if self.pods is not None and snapshot.pods is not None:
+            self.pods.load(snapshot.pods)
+            self._surroundings.see_pods(self.pods.planar, self.pods.carried_by())
 
     def state_bytes(self) -> bytes:
         """See `World`."""
         parcels = self._parcels
-        arrays = (*self._cars.save(), *self._arms.save(), parcels.ids, parcels.poses, parcels.held)
+        pods = () if self.pods is None else self.pods.save()
+        arrays = (*self._cars.save(), *self._arms.save(), parcels.ids, parcels.poses, parcels.held, *pods)
         return b"".join(array.tobytes() for array in arrays)
 
     def close(self) -> None:

@@ -7,6 +7,7 @@ from typing import Protocol
 
 from fleet.arrays import BoolArray, FloatArray, IntArray
 from fleet.sensors.camera import Camera, CameraImage
+from fleet.world.pods import PodLifts
 
 TOOL_FAILED = "its tool has failed"
 """Why a parcel was lost that was dropped by `World.fail_grip`."""
@@ -46,6 +47,10 @@ class World(Protocol):
     """Length of one tick [s]."""
     n_cars: int
     n_arms: int
+
+    @property
+    def pods(self) -> PodLifts | None:
+        """The pods on its floor; None = it has none."""
 
     def step(self, car_commands: FloatArray, arm_q: FloatArray, arm_qd: FloatArray, grip: BoolArray) -> None:
         """Advance one tick.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -41,6 +41,8 @@ class Scene:
     arm_start: FloatArray
     """Start joint positions [rad], shape (n_arms, n_joints); n_joints is `arms.width` everywhere."""
 
+    pod_start: FloatArray = field(default_factory=lambda: np.empty((0, 3)))
+    """Where pods stand at the start, x, y, yaw of their middles, shape (n_pods, 3)."""
     car_kind_of: IntArray | None = None
     """Which of the models each car is, shape (n_cars,); None = all are the first."""
 

@@ -65,8 +65,9 @@ def scene_of(
     team = arms_of(site, grip, arms or ArmConfig())
     base = np.array([station.arm.pose for station in site.stations], dtype=np.float64).reshape(-1, 4)
     kinds = cars.kinds if cars else (usual_car(),)
-    _check_trays(site, team, kinds)
-    raised_m = max(0.0, *(kind.tray_floor_z_m - USUAL_TRAY_M for kind in kinds))
+    served = tuple(kind for kind in kinds if kind.lifts is None)
+    _check_trays(site, team, served)
+    raised_m = max(0.0, 0.0, *(kind.tray_floor_z_m - USUAL_TRAY_M for kind in served))
     for spec, pose in zip(team.specs, base, strict=True):
         stand_m = spec.stand_m + raised_m
         if stand_m > 0.0:
@@ -84,6 +85,7 @@ def scene_of(
         arms=team,
         arm_base=base,
         arm_start=team.home_rad.copy(),
+        pod_start=pod_starts(site),
     )
 
 
@@ -110,6 +112,14 @@ def arms_of(site: Site, grip: Grip, arms: ArmConfig) -> ArmTeam:
         _check_reach(site, station, models[name])
         specs.append(models[name])
     return ArmTeam.of(specs)
+
+
+def pod_starts(site: Site) -> FloatArray:
+    """Where pods stand that nobody has moved: x, y [m] and yaw [rad] of a car that comes to them, shape (n, 3)."""
+    lane_into = {end: start for start, end in site.lanes.tolist()}
+    xy = site.grid.cell_xy(list(site.storage)).reshape(-1, 2)
+    along = xy - site.grid.cell_xy([lane_into[cell] for cell in site.storage]).reshape(-1, 2)
+    return np.column_stack((xy, np.arctan2(along[:, 1], along[:, 0])))
 
 
 def dock_pose(site: Site, station: StationPlace, car: CarSpec) -> tuple[float, float, float]:

@@ -9,15 +9,18 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from fleet.arrays import FloatArray, IntArray
+from fleet.arrays import BoolArray, FloatArray, IntArray
 from fleet.errors import FleetError
+from fleet.robots.twist.pod import POD
 from fleet.world.arms import ServoArms
 from fleet.world.collisions import set_apart, shove
 from fleet.world.scene import Scene
-from fleet.world.touches import BIN_M, KIND_SHIFT, STATIC, ArmBalls, BinnedBoxes, Body, Touches, robots_of
+from fleet.world.touches import BIN_M, FIRST_SHIFT, KIND_SHIFT, STATIC, ArmBalls, BinnedBoxes, Body, Touches, robots_of
 
 _ADDED_KEY = 1 << 18
 """Keys of run-time boxes begin here, so that they do not depend on how many there are."""
+_POD_KEY = 1 << 17
+"""Keys of pods begin here."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,7 +41,8 @@ class Surroundings:
     """What touches what, how close robots came, and what rays hit; in the plane, except for arms above cars.
 
     Cars are oriented rectangles, boxes are their footprints (only boxes that begin below the cars' height), arms and
-    the parcels they hold are spheres. Arms are not judged against boxes, nor against the car they serve.
+    the parcels they hold are spheres. Arms are not judged against boxes, nor against the car they serve. A pod is the
+    rectangle of the car that carries it, or else a box, under which cars may stand that lift pods.
 
     Attributes:
         n_robot_contacts: Touches between robots so far; one that lasts counts once.
@@ -60,14 +64,19 @@ class Surroundings:
         front_m, rear_m, half_width_m = cars.each("front_m"), cars.each("rear_m"), cars.each("half_width_m")
         half_length_m = (front_m + rear_m) / 2
         circle_m = np.hypot(half_length_m, half_width_m)
+        self._lifts = np.array([kind.lifts is not None for kind in cars.kinds], dtype=np.bool_)[cars.kind_of]
         self._bodies = Body(
             shift=(front_m - rear_m) / 2,
             length=half_length_m,
             width=half_width_m,
             height=cars.each("height_m"),
             circle=circle_m,
-            widest=float(circle_m.max(initial=0.0)),
+            widest=max(float(circle_m.max(initial=0.0)), math.hypot(*POD.half_m) if self._lifts.any() else 0.0),
         )
+        self._alone = [part.copy() for part in self._bodies[:-1]]  # without pods
+        self._carried_by = np.empty(0, dtype=np.int64)
+        self._pods: dict[int, tuple[float, float, float, float]] = {}
+        self._may_pass = self._lifts
         self._foot_m = scene.arms.foot_m
         n_arms = len(scene.arm_base)
         self.serving = np.full(n_arms, -1, dtype=np.int64)
@@ -107,6 +116,29 @@ class Surroundings:
         del self._added[obstacle]
         self._sort_boxes()
 
+    def see_pods(self, poses: FloatArray, carried_by: IntArray) -> None:
+        """Take note of which pods are carried and where the others stand, if that has changed.
+
+        Args:
+            poses: x, y, yaw, shape (p, 3); those that stand are as good as turned by quarters.
+            carried_by: The car that carries each, -1 for none, shape (p,).
+        """
+        if np.array_equal(carried_by, self._carried_by):
+            return
+        self._carried_by = carried_by
+        for part, alone in zip(self._bodies[:-1], self._alone, strict=True):
+            part[:] = alone
+        loaded = carried_by[carried_by >= 0]
+        (length_m, width_m), height_m = POD.half_m, POD.height_m
+        own = 0.0, length_m, width_m, height_m, math.hypot(length_m, width_m)
+        for part, number in zip(self._bodies[:-1], own, strict=True):
+            part[loaded] = number
+        self._may_pass = self._lifts.copy()
+        self._may_pass[loaded] = False
+        stand = np.flatnonzero(carried_by < 0).tolist()
+        self._pods = {_POD_KEY + pod: (*poses[pod, :2].tolist(), length_m, width_m) for pod in stand}
+        self._sort_boxes()
+
     def observe(
         self, car_poses: FloatArray, held: FloatArray, known: Callable[[int], bool] | None = None
     ) -> frozenset[int]:
@@ -122,6 +154,8 @@ class Surroundings:
         """
         self._touches.look(car_poses, held, self._boxes)
         codes = self._touches.codes
+        if self._pods and len(codes):
+            codes = codes[~self._below_pods(codes)]
         if len(codes) or self._touching:
             now = frozenset(code for code in codes.tolist() if known is None or not known(code))
             new = now - self._touching
@@ -134,6 +168,14 @@ class Surroundings:
                 self.of_arms[arms] += 1
             self._touching = now
         return self._touching
+
+    def _below_pods(self, codes: IntArray) -> BoolArray:
+        """Whether touches are of cars that may stand below the pods that they touch, shape of `codes`."""
+        key = codes & ((1 << FIRST_SHIFT) - 1)
+        of_pods = (codes >> KIND_SHIFT == STATIC) & (key >= _POD_KEY) & (key < _ADDED_KEY)
+        below = of_pods.copy()
+        below[of_pods] = self._may_pass[(codes[of_pods] >> FIRST_SHIFT) & ((1 << FIRST_SHIFT) - 1)]
+        return below
 
     def set_apart(self, car_poses: FloatArray, car_speeds: FloatArray) -> None:
         """Set cars apart that overlap each other or a box, in place; see `fleet.world.collisions`.
@@ -187,7 +229,8 @@ class Surroundings:
     def _sort_boxes(self) -> None:
         """Put box numbers into the bins that their footprints touch (compressed rows, bins along x first)."""
         self._touches.forget()
-        rows = self._fixed + [self._added[key] for key in sorted(self._added)]
+        rows = [*self._fixed, *self._pods.values(), *(self._added[key] for key in sorted(self._added))]
+        keys = [*range(len(self._fixed)), *self._pods, *(_ADDED_KEY + key for key in sorted(self._added))]
         boxes = np.array(rows, dtype=np.float64).reshape(-1, 4)
         n_x, n_y = self._n_bins
         limit = np.array([n_x, n_y]) - 1
@@ -202,7 +245,7 @@ class Surroundings:
         entries = np.array(sorted(pairs), dtype=np.int64).reshape(-1, 2)
         self._boxes = BinnedBoxes(
             rows=boxes,
-            keys=np.array([*range(len(self._fixed)), *(_ADDED_KEY + key for key in sorted(self._added))], np.int64),
+            keys=np.array(keys, dtype=np.int64),
             ptr=np.searchsorted(entries[:, 0], np.arange(n_x * n_y + 1)),
             box=entries[:, 1].copy(),
             n_x=n_x,

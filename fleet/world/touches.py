@@ -16,8 +16,9 @@ BIN_M = 1.0
 KIND_SHIFT = 40
 """What a touch is between lies above this bit of its code."""
 CAR_CAR, CAR_ARM, ARM_ARM, STATIC = 0, 1, 2, 3
-_FIRST_SHIFT = 20
-_SECOND = (1 << _FIRST_SHIFT) - 1
+FIRST_SHIFT = 20
+"""The first body of a touch lies above this bit, below its kind."""
+_SECOND = (1 << FIRST_SHIFT) - 1
 
 
 class Body(NamedTuple):
@@ -80,7 +81,7 @@ class _Seen(NamedTuple):
 
 def robots_of(code: int) -> tuple[list[int], list[int]]:
     """Cars and arms that a touch is one of, by its code in `Touches.codes`."""
-    kind, a, b = code >> KIND_SHIFT, (code >> _FIRST_SHIFT) & _SECOND, code & _SECOND
+    kind, a, b = code >> KIND_SHIFT, (code >> FIRST_SHIFT) & _SECOND, code & _SECOND
     if kind == CAR_CAR:
         return [a, b], []
     if kind == CAR_ARM:
@@ -193,7 +194,7 @@ def _rectangle_gap(a: _Rectangle, b: _Rectangle) -> float:
 @njit(cache=True)
 def _note(codes: IntArray, n_codes: int, kind: int, a: int, b: int) -> int:
     if n_codes < len(codes):
-        codes[n_codes] = (kind << KIND_SHIFT) + (a << _FIRST_SHIFT) + b
+        codes[n_codes] = (kind << KIND_SHIFT) + (a << FIRST_SHIFT) + b
     return n_codes + 1
 
 
@@ -295,7 +296,7 @@ def _keep(seen: _Seen, before: IntArray, codes: IntArray) -> int:
     """Note again the touches of what did not move; returns how many."""
     n_codes = 0
     for code in before:
-        kind, a, b = code >> KIND_SHIFT, (code >> _FIRST_SHIFT) & _SECOND, code & _SECOND
+        kind, a, b = code >> KIND_SHIFT, (code >> FIRST_SHIFT) & _SECOND, code & _SECOND
         moved = seen.arm_moved[a] if kind == ARM_ARM else seen.car_moved[a]
         if kind == CAR_CAR:
             moved = moved or seen.car_moved[b]

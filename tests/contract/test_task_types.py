@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from fleet.config import ArmConfig, BatteryConfig, Fidelity, RunConfig
+from fleet.config import ArmConfig, BatteryConfig, CarConfig, Fidelity, RunConfig
 from fleet.missions.phases import CarPhase
 from fleet.simulation import Simulation
 from fleet.tasks import TASK_TYPES
@@ -21,7 +21,15 @@ EXAMPLES: dict[str, dict[str, object]] = {
     "inspect": {"places": "drop_1"},
     "charge": {},
     "park": {"places": "parking_9"},
+    "pod": {"pod": "pod_3", "to": ["parking_4", "parking_5"], "stand_s": 2},
 }
+FLEETS: dict[str, dict[str, str]] = {
+    "pod": {
+        "site": str(Path(__file__).parents[2] / "docs/examples/pods/floor.toml"),
+        "model": "lifter",
+    }
+}
+"""Site and model of orders that not every car can do."""
 Make = Callable[..., Simulation]
 
 pytestmark = pytest.mark.parametrize("kind", TASK_TYPES)
@@ -37,8 +45,15 @@ def make(tmp_path: Path, kind: str) -> Make:
         path = tmp_path / "orders.json"
         path.write_text(json.dumps([order, last]), encoding="utf-8")
         battery = BatteryConfig(enabled=True, capacity_wh=6.0, charge_w=360.0, start=0.7, idle_below=0.3)
+        fleet = FLEETS.get(kind, {"site": "small", "model": "racecar"})
         config = RunConfig(
-            orders=path, robots=robots, fidelity=Fidelity.GRID, arms=ArmConfig(workers_n=0), battery=battery
+            orders=path,
+            robots=robots,
+            fidelity=Fidelity.GRID,
+            arms=ArmConfig(workers_n=0),
+            battery=BatteryConfig() if kind in FLEETS else battery,  # its site has no charger
+            site=fleet["site"],
+            cars={f"car_{k}": CarConfig(model=fleet["model"]) for k in range(robots)},
         )
         return Simulation(config)
 

@@ -1,4 +1,4 @@
-"""DrawnBodies: cars, arms and parcels as instances of their meshes, and the trails of the cars."""
+"""DrawnBodies: cars, arms, parcels and pods as instances of their meshes, and the trails of the cars."""
 
 from __future__ import annotations
 
@@ -22,6 +22,7 @@ from fleet.recording.rerun_stream.poses import (
     arm_parts,
     car_link_poses,
     car_parts,
+    pod_part,
     snapped,
 )
 from fleet.recording.rerun_stream.scenery import log_part, log_tags
@@ -82,6 +83,7 @@ class DrawnBodies:
         self._arm_models = list(self._opened_arms())
         self._chain = ArmChain(scene.arms)
         self._place_bases()
+        self._pods = self._opened("world", [pod_part()] if len(scene.pod_start) else [])
         self._arm_q: FloatArray | None = None
         self._wheel_angle: FloatArray = np.zeros(n_cars)
         self._rolled_s: float | None = None
@@ -99,6 +101,7 @@ class DrawnBodies:
         self._write_cars(frames, index)
         self._write_arms(frames)
         self._write_parcels(frames, index)
+        self._write_pods([frame for frame in frames if frame.pod_poses is not None])
         self._write_trails(frames)
         self._write_scans([frame for frame in frames if frame.scans is not None])
 
@@ -192,6 +195,13 @@ class DrawnBodies:
                     ),
                 )
             self._parcels = ids
+
+    def _write_pods(self, frames: Sequence[Frame]) -> None:
+        """Where pods stand, or are carried."""
+        poses = [frame.pod_poses for frame in frames if frame.pod_poses is not None]
+        for path, _ in self._pods if poses else ():
+            rows = _stacked(poses)
+            self._chunks.add(path, index_of(frames), _instances(rows[..., :3], rows[..., 3:]))
 
     def _write_trails(self, frames: Sequence[Frame]) -> None:
         """Where the cars were in the last seconds, as lines that are renewed twice a second."""

@@ -14,6 +14,7 @@ from fleet.recording.rerun_stream.meshes import Mesh, link_mesh
 from fleet.robots.arms.spec import ArmSpec
 from fleet.robots.arms.team import ArmTeam
 from fleet.robots.spec import WHEELS, CarSpec
+from fleet.robots.twist.pod import pod_visuals
 
 Array = npt.NDArray[np.floating]
 LinkPoses = Mapping[str, tuple[Array, Array]]
@@ -236,6 +237,11 @@ def car_parts(spec: CarSpec, *, wheels: bool) -> tuple[Part, ...]:
             body += [replace(visual, link_from_visual=place @ visual.link_from_visual) for visual in own[link]]
         own = {}
     return tuple(Part(link=link, mesh=link_mesh(drawn)) for link, drawn in ({BODY: body} | own).items() if drawn)
+
+
+def pod_part() -> Part:
+    """The drawn part of a pod."""
+    return Part(link="pods", mesh=link_mesh(pod_visuals()))
 
 
 def arm_parts(spec: ArmSpec) -> tuple[Part, ...]:

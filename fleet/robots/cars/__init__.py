@@ -17,6 +17,7 @@ CARS: dict[str, CarEntry] = _found(
         "racecar": "fleet.robots.cars.racecar.ENTRY",
         "husky": "fleet.robots.cars.husky.ENTRY",
         "a1": "fleet.robots.cars.a1.ENTRY",
+        "lifter": "fleet.robots.cars.lifter.ENTRY",
     }
 )
 """All models of cars, by the names that `--cars` takes."""

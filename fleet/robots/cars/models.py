@@ -50,21 +50,27 @@ class CarModels:
     @property
     def hull(self) -> CarSpec:
         """A car as long, wide and high as any of them, with the tray of the first."""
-        return _hull(self.kinds)
+        return _hull(self._with_trays)
 
     @property
     def hulls(self) -> tuple[CarSpec, ...]:
-        """For each kind of tray, a car as long, wide and high as any that has it."""
+        """For each kind of tray, a car as long, wide and high as any that has it; without any tray, the usual car."""
         alike: dict[Hashable, list[CarSpec]] = {}
-        for kind in self.kinds:
+        for kind in self._with_trays:
             alike.setdefault(_tray(kind), []).append(kind)
         return tuple(_hull(kinds) for kinds in alike.values())
 
     @property
     def tray_of(self) -> IntArray:
-        """Which of `hulls` has the tray of each car, shape (n_cars,)."""
-        trays = list(dict.fromkeys(_tray(kind) for kind in self.kinds))
-        return np.array([trays.index(_tray(kind)) for kind in self.kinds], dtype=np.int64)[self.kind_of]
+        """Which of `hulls` has the tray of each car, 0 for one that lifts pods, shape (n_cars,)."""
+        trays = list(dict.fromkeys(_tray(kind) for kind in self._with_trays))
+        number = [0 if kind.lifts else trays.index(_tray(kind)) for kind in self.kinds]
+        return np.array(number, dtype=np.int64)[self.kind_of]
+
+    @property
+    def _with_trays(self) -> tuple[CarSpec, ...]:
+        """The models that carry parcels, or else the usual one."""
+        return tuple(kind for kind in self.kinds if kind.lifts is None) or (usual_car(),)
 
     def __len__(self) -> int:
         return len(self.kind_of)

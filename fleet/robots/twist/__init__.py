@@ -10,6 +10,8 @@ from fleet.robots.twist.lifter import lifter_spec
 from fleet.robots.twist.promise import TwistPromise
 from fleet.robots.twist.spec import TwistSpec
 
+POD_CARRIER = "lifter"
+"""The robot that carries pods."""
 TWIST_ROBOTS: dict[str, Callable[[], TwistSpec]] = {"husky": husky_spec, "a1": a1_spec, "lifter": lifter_spec}
 TWIST_PROMISES: dict[str, TwistPromise] = {
     "husky": TwistPromise(

@@ -1,13 +1,14 @@
-"""Lifter: a low vehicle that drives under a shelf pod and lifts it, and the pod."""
+"""Lifter: a low vehicle that drives under a shelf pod and lifts it."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from fleet.robots.description import fill, rollers, solid_box, spaced, supports
+from fleet.arrays import FloatArray
+from fleet.robots.description import box_inertia, fill, rollers, solid_box, spaced, supports
 from fleet.robots.differential import SkidChassis, SkidSteer, TwistLimits, TwistResponse
 from fleet.robots.spec import Visual, visual
-from fleet.robots.tray import Triple
+from fleet.robots.twist.pod import LIFT_FORCE_N, LIFT_M, LIFT_MPS
 from fleet.robots.twist.spec import TwistSpec
 
 _SPECTRUM = "https://spectrum.ieee.org/three-engineers-hundreds-of-robots-one-warehouse"
@@ -15,14 +16,6 @@ _OWN = "our own description"
 
 ROLLERS = ("left_roller", "right_roller")
 """What drives it, as the Husky's; each spins in the joint ``<link>_spin``, forward where positive."""
-LIFT = "lift"
-"""Joint that lifts the plate, upwards from 0."""
-LIFT_M = 0.05
-"""Stroke of the lift [m]."""
-LIFT_MPS = 0.02
-"""Its speed [m/s]."""
-LIFT_FORCE_N = 6000.0
-"""Most force of its motor [N]."""
 
 _BODY_M = (0.75, 0.60, 0.20)
 _BODY_Z_M = 0.16
@@ -42,15 +35,8 @@ _ROLLER_FRICTION = 1.5
 SKID = SkidSteer(separation_m=2 * _ROLLER_Y_M, multiplier=1.0, contact_track_m=2 * _ROLLER_Y_M)
 """Wheels on the middle line and castors: nothing scrubs."""
 
-POD_MASS_KG = 100.0
-"""A pod with what lies in it [kg]."""
-POD_M = (0.90, 0.90)
-"""Length and width of a pod."""
-_POD_LEG_M = 0.04
-_SHELVES_M = (0.34, 0.74, 1.14, 1.54)
-"""Middles of the shelves above the floor; the underside of the lowest is 2 cm above a plate that is down."""
-_SHELF_M = 0.04
-_POD_COM_Z_M = 0.85
+WHEELBASE_M, TRACK_M, WHEEL_RADIUS_M = 2 * _SUPPORT_X_M, 2 * _ROLLER_Y_M, _ROLLER_RADIUS_M
+"""From the castors behind to those ahead, and between the wheels."""
 
 _BODY_RGBA = (0.85, 0.45, 0.10, 1.0)
 _PLATE_RGBA = (0.30, 0.30, 0.30, 1.0)
@@ -97,12 +83,12 @@ def lifter_spec() -> TwistSpec:
             "max_payload_kg": f"{_OWN}: a full pod and a fifth; {_SPECTRUM}: 1000 lb, 450 kg",
             "front_m": f"{_OWN}: it turns under a pod without leaving the pod's square",
             "rear_m": f"{_OWN}: it turns under a pod without leaving the pod's square",
-            "half_width_m": f"{_OWN}: between the legs of a pod, 11 cm from each",
+            "half_width_m": f"{_OWN}: between the legs of a pod, 8 cm from each",
             "height_m": f"{_OWN}: 2 cm under a pod's lowest shelf",
             "max_speed_mps": f"{_SPECTRUM}: 1.3 m/s; less our margin",
             "max_rim_mps": f"{_OWN}: top speed and a fifth",
             "max_yaw_rate_radps": _OWN,
-            "max_yaw_accel_radps2": "for the pod's sake: its corner is 0.64 m from the middle",
+            "max_yaw_accel_radps2": "for the pod's sake: its corner is 0.60 m from the middle",
             "max_accel_mps2": "for the pod's sake: its centre of mass is higher than its legs are apart",
             "max_brake_mps2": "as max_accel_mps2",
             "lever_m": f"half of the track of {_OWN}",
@@ -114,8 +100,8 @@ def lifter_spec() -> TwistSpec:
 def lifter_urdf() -> str:
     """Write the description: a box on two rollers and four supports without friction, as the Husky's, and a lift."""
     places = [(x, y, _ROLLER_RADIUS_M) for x in (_SUPPORT_X_M, -_SUPPORT_X_M) for y in (_SUPPORT_Y_M, -_SUPPORT_Y_M)]
-    ixx, iyy, izz = _box_inertia(_BODY_MASS_KG, _BODY_M)
-    plate_ixx, plate_iyy, plate_izz = _box_inertia(_PLATE_MASS_KG, _PLATE_M)
+    ixx, iyy, izz = box_inertia(_BODY_MASS_KG, _BODY_M)
+    plate_ixx, plate_iyy, plate_izz = box_inertia(_PLATE_MASS_KG, _PLATE_M)
     return fill(
         "lifter",
         body_mass=_BODY_MASS_KG,
@@ -145,30 +131,13 @@ def lifter_urdf() -> str:
     )
 
 
-def pod_urdf() -> str:
-    """Write the description of a pod: four legs, four shelves; its base frame is its middle, on the floor."""
-    top = _SHELVES_M[-1] + _SHELF_M / 2
-    off_x, off_y = (size / 2 - _POD_LEG_M / 2 for size in POD_M)
-    legs = [((_POD_LEG_M, _POD_LEG_M, top), (sx * off_x, sy * off_y, top / 2)) for sx in (1, -1) for sy in (1, -1)]
-    shelves = [((*POD_M, _SHELF_M), (0.0, 0.0, z)) for z in _SHELVES_M]
-    ixx, iyy, izz = _box_inertia(POD_MASS_KG, (*POD_M, top))
-    return fill(
-        "pod",
-        mass=POD_MASS_KG,
-        com=spaced((0.0, 0.0, _POD_COM_Z_M)),
-        ixx=ixx,
-        iyy=iyy,
-        izz=izz,
-        parts="\n".join(solid_box(size, xyz, "shelf") for size, xyz in [*legs, *shelves]),
-    )
-
-
-def _box_inertia(mass_kg: float, size_m: Triple) -> tuple[float, float, float]:
-    """Moments of inertia of a solid box about its middle [kg m^2]."""
-    x, y, z = size_m
-    moments = mass_kg / 12.0 * np.array([y * y + z * z, x * x + z * z, x * x + y * y])
-    ixx, iyy, izz = (round(float(moment), 5) for moment in moments)
-    return ixx, iyy, izz
+def body_boxes() -> FloatArray:
+    """Give the boxes with which it collides: its body, and the plate when it is down [m], shape (2, 2, 3)."""
+    boxes = []
+    for (length, width, height), z in ((_BODY_M, _BODY_Z_M), (_PLATE_M, _PLATE_Z_M)):
+        half, middle = np.array([length, width, height]) / 2, np.array([0.0, 0.0, z])
+        boxes.append([middle - half, middle + half])
+    return np.array(boxes)
 
 
 def _visuals() -> tuple[Visual, ...]:

@@ -3,7 +3,8 @@
 What counts as a robot contact: two cars; an arm (its tool and the parcel it holds included) and a car, unless the touch
 lies inside the tray of the car it serves; two arms, parcels they hold included. What counts as a static contact: a car
 against a wall, shelf, pedestal or obstacle; an arm against those or the floor; a held parcel against a wall, shelf or
-obstacle.
+obstacle; a car against a pod that it does not carry; a pod that is carried, for its car, against anything but the plate
+it stands on.
 
 What never counts: wheels on the floor; a parcel in a tray or on its slot, whoever put it there; a parcel that nobody
 holds; an arm against itself, which planning keeps apart.
@@ -110,6 +111,27 @@ class ContactMonitor:
         for car, other in near:
             if any(_touches(point) for point in ask(car, other)):
                 self._touch(car, other, robot=other in self._cars or other in self.ghosts)
+
+    def observe_pod(self, car: int, pod: int) -> None:
+        """Take in what a car touches of a pod that stands near it; both are bodies."""
+        if any(_touches(point) for point in self._client.getContactPoints(car, pod)):
+            self._touch(car, pod, robot=False)
+
+    def observe_load(self, car: int, pod: int, *, plate: int, lifted: bool) -> None:
+        """Take in what the pod on a car's plate touches, which is a touch of the car.
+
+        Args:
+            car: Body of the car.
+            pod: Body of the pod.
+            plate: Link of the car on which it stands.
+            lifted: Whether it must not touch the floor.
+        """
+        for point in self._client.getContactPoints(pod):
+            other = point[2]
+            own = other == car
+            if not _touches(point) or (own and point[4] == plate) or (other == self.floor and not lifted):
+                continue
+            self._touch(car, pod if own else other, robot=other in self._cars or other in self._arms)
 
     def look_again(self) -> None:
         """Ask about every arm at the next step, since fixed things came or went."""

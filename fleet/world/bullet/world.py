@@ -28,6 +28,7 @@ from fleet.world.bullet.fixed import FixedBodies
 from fleet.world.bullet.ghosts import Ghosts
 from fleet.world.bullet.grip import make_grip
 from fleet.world.bullet.parcels import Parcels
+from fleet.world.bullet.pods import PhysicalPods
 from fleet.world.bullet.rays import Rays
 from fleet.world.protocol import Contacts, ParcelBody
 from fleet.world.ray_points import ray_points
@@ -140,6 +141,18 @@ class BulletWorld:
                     for link in range(-1, spec.outline.n_standing_links):
                         client.setCollisionFilterPair(body, floor, link, -1, 0)
                 self._monitor.pedestals, self._monitor.fixed = self._fixed.stand()
+                self.pods = (
+                    PhysicalPods(
+                        client,
+                        scene.pod_start,
+                        scene.cars,
+                        self._cars.bodies,
+                        config.tick_s,
+                        visuals=config.visuals,
+                    )
+                    if len(scene.pod_start)
+                    else None
+                )
                 self._grip = make_grip(
                     config.grip,
                     client,
@@ -181,9 +194,13 @@ class BulletWorld:
             self._parcels.moved()
             held = [(arm, parcels.body(parcel)) for arm, parcel in enumerate(self._grip.held) if parcel >= 0]
             self._monitor.observe(watched, self._near, held, parcels.by_body)
+            if self.pods is not None:
+                self.pods.observe(self._monitor)
             self._grip.after_step()
         self._cars.now = self._cars.reading()
         self._arms.read()
+        if self.pods is not None:
+            self.pods.tick(self._cars.now.poses)
         self._near = self._measure(ghosts=False)  # they are where they were before this tick
 
     def car_poses(self) -> FloatArray:
@@ -419,6 +436,7 @@ class BulletWorld:
                 "grip": self._grip.memory(),
                 "contacts": self._monitor.memory(),
                 "clearance": self._clearance.smallest_m,
+                "pods": None if self.pods is None else self.pods.memory(),
             },
             parcels=parcels,
             obstacles=self._fixed.obstacles(),
@@ -459,6 +477,8 @@ class BulletWorld:
         self._arms.recall(snapshot.memory["arms"])
         self._grip.recall(snapshot.memory["grip"])
         self._monitor.recall(snapshot.memory["contacts"])
+        if self.pods is not None:
+            self.pods.recall(snapshot.memory["pods"])
         self._clearance.smallest_m = snapshot.memory["clearance"]
         self._cars.now = snapshot.reading if restored else self._cars.reading()
         self._near = self._measure()
@@ -466,6 +486,7 @@ class BulletWorld:
     def state_bytes(self) -> bytes:
         """Positions, velocities and joint states of all bodies as float64, equal for equal states."""
         numbers = self._cars.state() + self._arms.state() + self._parcels.state()
+        numbers += [] if self.pods is None else self.pods.state()
         return (np.array(numbers, dtype=np.float64) + 0.0).tobytes()  # + 0.0: no negative zeros
 
     def close(self) -> None:

@@ -88,6 +88,7 @@ class MixedWorld:
         self._config = config = config or MixedConfig()
         self._scene = scene
         self.tick_s = config.tick_s
+        self.pods = None
         self.n_cars = len(scene.car_start)
         self.n_arms = len(scene.arm_base)
         self._cars = BicycleCars(scene.cars, scene.car_start, config.tick_s, config.car_substep_s)

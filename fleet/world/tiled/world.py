@@ -54,6 +54,7 @@ class TiledWorld:
         self._config = config = config or TiledConfig()
         self._scene = scene
         self.tick_s = config.bullet.tick_s
+        self.pods = None
         self.n_cars, self.n_arms = len(scene.car_start), len(scene.arm_base)
         self._split = split_floor(scene, config)
         self._bounds = [self._split.bounds(tile) for tile in range(self._split.n_tiles)]

@@ -2,38 +2,56 @@
 
 from __future__ import annotations
 
-from fleet.robots.twist.lifter import LIFT, LIFT_FORCE_N, LIFT_M, LIFT_MPS
+from dataclasses import dataclass, replace
+
+from fleet.robots.twist.pod import LIFT, LIFT_FORCE_N, LIFT_M, LIFT_MPS
 from fleet.world.bullet.engine.client import Client
 
 _HOLD_FORCE_N = 6000.0
 """Force with which a load is held on the plate: more than its weight and its inertia."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class Hold:
+    """A load that is held where it is on a plate."""
+
+    load: int
+    """Its body."""
+    place: tuple[float, ...]
+    quat: tuple[float, ...]
+    """Pose of the plate in the load's frame."""
+    constraint: int
+    """The engine's id."""
+
+    def end(self, client: Client) -> None:
+        """Hold it no longer."""
+        client.removeConstraint(self.constraint)
+
+
 class Lift:
-    """The lift of one vehicle, and the load that it may hold.
+    """The lift of one vehicle.
 
     Args:
         client: Connection.
         body: The vehicle.
-        load: The only body that it ever lifts.
     """
 
-    def __init__(self, client: Client, body: int, load: int) -> None:
-        self._client, self._body, self._load = client, body, load
+    def __init__(self, client: Client, body: int) -> None:
+        self._client, self._body = client, body
         joints = {client.getJointInfo(body, j)[1].decode(): j for j in range(client.getNumJoints(body))}
         self.plate = joints[LIFT]
         """Link and joint of the plate."""
-        # Made once and switched by its force: constraints that come and go would make snapshots inexact.
-        self._hold = client.createConstraint(
-            body, self.plate, load, -1, client.JOINT_FIXED, (0, 0, 0), (0, 0, 0), (0, 0, 0)
-        )
-        client.changeConstraint(self._hold, maxForce=0.0)
         self.lower()
 
     @property
     def height_m(self) -> float:
         """How far the plate is raised."""
-        return float(self._client.getJointState(self._body, self.plate)[0])
+        return self.motion()[0]
+
+    def motion(self) -> tuple[float, float]:
+        """How far the plate is raised [m], and its speed upwards [m/s]."""
+        height_m, speed_mps, *_ = self._client.getJointState(self._body, self.plate)
+        return float(height_m), float(speed_mps)
 
     def raise_(self) -> None:
         """Raise the plate from now on."""
@@ -43,23 +61,35 @@ class Lift:
         """Lower the plate from now on."""
         self._drive(0.0)
 
-    def hold(self) -> None:
-        """Hold the load where it is on the plate."""
+    def hold(self, load: int) -> Hold:
+        """Hold a load where it is on the plate."""
         client = self._client
         plate, turn = client.getLinkState(self._body, self.plate, computeForwardKinematics=1)[:2]
-        load, load_turn = client.getBasePositionAndOrientation(self._load)
-        place, quat = client.multiplyTransforms(*client.invertTransform(load, load_turn), plate, turn)
-        client.changeConstraint(
-            self._hold, jointChildPivot=place, jointChildFrameOrientation=quat, maxForce=_HOLD_FORCE_N
+        pose = client.getBasePositionAndOrientation(load)
+        place, quat = client.multiplyTransforms(*client.invertTransform(*pose), plate, turn)
+        return self.hold_again(Hold(load=load, place=place, quat=quat, constraint=-1))
+
+    def hold_again(self, before: Hold) -> Hold:
+        """Hold a load as it was held before."""
+        client = self._client
+        constraint = client.createConstraint(
+            self._body,
+            self.plate,
+            before.load,
+            -1,
+            client.JOINT_FIXED,
+            (0, 0, 0),
+            (0, 0, 0),
+            before.place,
+            (0, 0, 0, 1),
+            before.quat,
         )
+        client.changeConstraint(constraint, maxForce=_HOLD_FORCE_N)
+        return replace(before, constraint=constraint)
 
-    def let_go(self) -> None:
-        """Hold the load no longer."""
-        self._client.changeConstraint(self._hold, maxForce=0.0)
-
-    def touches(self) -> bool:
-        """Whether the load touches anything of the vehicle but its plate."""
-        points = self._client.getContactPoints(self._body, self._load)
+    def touches(self, load: int) -> bool:
+        """Whether a load touches anything of the vehicle but its plate."""
+        points = self._client.getContactPoints(self._body, load)
         return any(point[3] != self.plate and point[8] < 0.0 for point in points)
 
     def _drive(self, height_m: float) -> None:

@@ -39,6 +39,7 @@ from fleet.missions.parcels.transfer_requests import Transfers
 from fleet.missions.parking import Parking
 from fleet.missions.phases import CarPhase
 from fleet.missions.places import Places
+from fleet.missions.pods import Pods
 from fleet.missions.services import Services
 from fleet.missions.state import Missions
 from fleet.missions.turns import TurnBook
@@ -287,7 +288,8 @@ class Floor:
         left_late = self.places.cells[: n_stations + len(self.places.chargers)]
         self.missions = Missions(self.board, self.stations, self.bookings, left_late, self.traffic)
         self.ways = Ways(self.traffic)
-        self.routes = VisitRoutes(self.places, self.ways, self.bookings)
+        self.pods = Pods(None, self.places, self.graph, self.board, self.traffic, self.log)
+        self.routes = VisitRoutes(self.places, self.ways, self.bookings, self.pods)
         self.services = Services(self.missions, self.graph, self.traffic, self.world)
         self.reasons = ReasonBook(self.log)
         self.fitness = Fitness(self._abilities())
@@ -420,7 +422,7 @@ class Floor:
 
     @cached_property
     def containment(self) -> Containment:
-        return Containment(self.missions, self.places, self.ways, self.fitness, self.inventory)
+        return Containment(self.missions, self.places, self.ways, self.fitness, self.inventory, self.pods)
 
     @cached_property
     def due_dates(self) -> DueDates:

@@ -1,0 +1,281 @@
+"""Orders with pods: carriers fetch them, stand with them and bring them back, and nobody runs into one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fleet.config import ArmConfig, CarConfig, Fidelity, RunConfig
+from fleet.dispatch.interventions import CannotCancel, CannotRequeue
+from fleet.errors import ConfigError
+from fleet.run.events import Event
+from fleet.run.setup import RunSetup
+from fleet.simulation import Simulation
+from fleet.tasks.board import TaskState
+from fleet.tasks.fields import OrdersError
+from fleet.world.kinematic import KinematicWorld
+
+FLOOR = Path(__file__).parents[2] / "docs/examples/pods/floor.toml"
+HEAD = "id,release_s,type,pod,to,stand_s,pick,drop,mass_kg,size_m,after"
+FOUR = (
+    "a,0,pod,pod_2,parking_1;parking_2,4,,,,,",
+    "b,0,pod,pod_9,parking_5,4,,,,,",
+    "c,0,pod,pod_2,parking_6,4,,,,,",
+    "d,5,pod,pod_4,parking_3;parking_7,4,,,,,",
+)
+Make = Callable[..., Simulation]
+
+
+def config(
+    path: Path, lines: tuple[str, ...], fidelity: Fidelity, models: tuple[str, ...], **more: object
+) -> RunConfig:
+    path.write_text("\n".join((HEAD, *lines)) + "\n", encoding="utf-8")
+    return RunConfig(
+        robots=len(models),
+        cars={f"car_{k}": CarConfig(model=model) for k, model in enumerate(models)},
+        orders=path,
+        fidelity=fidelity,
+        arms=ArmConfig(workers_n=0),
+        **{"site": str(FLOOR), "duration_s": 900.0} | more,
+    )
+
+
+@pytest.fixture
+def make(tmp_path: Path) -> Make:
+    """Make a run of some orders."""
+
+    def made(
+        *lines: str,
+        fidelity: Fidelity = Fidelity.GRID,
+        models: tuple[str, ...] = ("lifter",) * 3,
+        on_event: Callable[[Event], None] | None = None,
+    ) -> Simulation:
+        return Simulation(config(tmp_path / "orders.csv", lines, fidelity, models), on_event=on_event)
+
+    return made
+
+
+def until_lifted(simulation: Simulation, name: str) -> int:
+    """Run until the pod of an order is on its car, and that car is on its way; returns the car."""
+    task = simulation.board.named(name)
+    while task.n_errands_done != 2:
+        simulation.tick()
+    assert task.car is not None
+    return task.car
+
+
+def standing(simulation: Simulation) -> list[int]:
+    """Cells in which pods stand."""
+    pods = simulation.world.pods
+    assert pods is not None
+    cells = simulation.graph.state_cell[list(simulation.view.places.storage)]
+    return cells[pods.carried_by() < 0].tolist()
+
+
+def test_pods_are_fetched_one_after_the_other_and_brought_back(make: Make) -> None:
+    seen: list[Event] = []
+    with make(*FOUR, fidelity=Fidelity.KINEMATIC, on_event=seen.append) as simulation:
+        while not simulation.finished:
+            simulation.tick()
+            holders = simulation.executor.dependencies.holders()
+            # Below a pod that stands are only cars that fetch it, or have just set it down.
+            for cell in standing(simulation):
+                assert holders[cell] < 0 or simulation.scene.cars[int(holders[cell])].lifts is not None
+        assert {task.state for task in simulation.board.tasks} == {TaskState.DONE}
+        contacts = simulation.world.contacts()
+        assert (contacts.robot, contacts.static) == (0, 0)
+    lifted = [event.facts for event in seen if event.kind == "pod_lifted"]
+    down = [event.facts for event in seen if event.kind == "pod_set_down"]
+    assert len(lifted) == len(down) == 4
+    assert all(facts["off_mm"] <= 20.0 and facts["off_deg"] <= 2.0 for facts in down)
+    of_two = [(event.kind, event.facts["task"]) for event in seen if event.facts.get("pod") == "pod_2"]
+    first, second = of_two[0][1], of_two[2][1]
+    assert of_two == [(kind, name) for name in (first, second) for kind in ("pod_lifted", "pod_set_down")]
+
+
+def test_a_cell_with_a_pod_is_blocked_until_its_car_is_beside_it(make: Make) -> None:
+    with make(FOUR[0]) as simulation:
+        task, blocked = simulation.board.named("a"), simulation.traffic.blocked
+        cell = simulation.site.storage[1]
+        while task.n_errands_done == 0:
+            assert simulation.now == 0 or simulation.traffic.blocked[cell]
+            simulation.tick()
+        assert not simulation.traffic.blocked[cell]
+        simulation.run()
+        assert task.state is TaskState.DONE
+        assert (
+            blocked.sum()
+            <= simulation.traffic.blocked.sum()
+            == len(simulation.site.storage) - (simulation.executor.dependencies.holders()[cell] >= 0)
+        )
+
+
+def test_a_lifted_pod_stays_with_its_car(make: Make) -> None:
+    with make(FOUR[0]) as simulation:
+        car = until_lifted(simulation, "a")
+        with pytest.raises(CannotCancel, match=f"task a: car_{car} has lifted the pod"):
+            simulation.cancel("a")
+        with pytest.raises(CannotRequeue, match=f"task a: car_{car} has lifted the pod"):
+            simulation.requeue("a")
+        simulation.run()
+        assert simulation.board.named("a").state is TaskState.DONE
+
+
+def test_an_order_that_has_no_pod_yet_goes_to_another_car(make: Make) -> None:
+    with make(FOUR[0]) as simulation:
+        task = simulation.board.named("a")
+        while task.n_errands_done == 0:
+            simulation.tick()
+        before = task.car
+        simulation.requeue("a")
+        assert task.n_errands_done == 0
+        simulation.run()
+        assert task.state is TaskState.DONE
+        assert task.car != before
+
+
+def test_a_pod_on_a_dead_car_is_lost_and_others_are_not(make: Make) -> None:
+    with make(*FOUR[:3]) as simulation:
+        car = until_lifted(simulation, "a")
+        simulation.lose_car(car, "test")
+        simulation.run()
+        of = {task.order.name: task for task in simulation.board.tasks}
+        assert (of["a"].state, of["a"].reason) == (TaskState.FAILED, f"test; pod_2 stays on car_{car}")
+        assert (of["c"].state, of["c"].reason) == (
+            TaskState.FAILED,
+            f"pod_2 is on car_{car}, which has given it up",
+        )
+        assert of["b"].state is TaskState.DONE
+
+
+def test_why_tells_that_a_car_lifts_a_pod_or_sets_it_down(make: Make) -> None:
+    with make(FOUR[0], fidelity=Fidelity.KINEMATIC, models=("lifter",)) as simulation:
+        said = set()
+        while not simulation.finished:
+            simulation.tick()
+            if simulation.view.visits.handles(0) and simulation.now % 10 == 0:
+                said.add(str(simulation.explain("car_0")))
+    for words in ("lifts a pod at storage_2 for a", "sets down a pod at storage_2 for a"):
+        assert any(words in sentence for sentence in said), (words, said)
+
+
+def test_parcels_go_to_other_cars_than_pods(make: Make) -> None:
+    parcels = tuple(f"p{k},0,delivery,,,,pick_1,drop_1,0.3,0.06," for k in range(2))
+    with make(FOUR[0], *parcels, models=("racecar", "racecar", "lifter")) as simulation:
+        simulation.run()
+        of = {task.order.name: task for task in simulation.board.tasks}
+        assert of["a"].car == 2
+        assert {of["p0"].car, of["p1"].car} <= {0, 1}
+        assert of["a"].state is TaskState.DONE
+        assert all(of[f"p{k}"].state in (TaskState.DELIVERED, TaskState.COLLECTED) for k in range(2))
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("a,0,pod,pod_13,parking_1,,,,,,", r"pod is 'pod_13'; valid: pod_1 to pod_12"),
+        ("a,0,pod,pod_1,drop_1,,,,,,", r"to is 'drop_1'; valid: parking_1 to parking_8, or a charger"),
+        ("a,0,pod,pod_1,storage_2,,,,,,", r"to is 'storage_2'; valid: parking_1 to parking_8"),
+        ("a,0,pod,pod_1,,,,,,,", r"to is missing|to"),
+    ],
+)
+def test_what_cannot_be_right_is_refused(tmp_path: Path, line: str, words: str) -> None:
+    with pytest.raises(OrdersError, match=words):
+        Simulation(config(tmp_path / "orders.csv", (line,), Fidelity.GRID, ("lifter",)))
+
+
+def test_without_a_carrier_or_pods_the_orders_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(OrdersError, match="needs is 'lift'"):
+        Simulation(config(tmp_path / "orders.csv", FOUR[:1], Fidelity.GRID, ("racecar",)))
+    with pytest.raises(OrdersError, match="no pods stand on site small"):
+        Simulation(config(tmp_path / "orders.csv", FOUR[:1], Fidelity.GRID, ("racecar",), site="small"))
+    with pytest.raises(ConfigError, match=r"--fidelity is 'mixed'.*on which pods stand"):
+        RunSetup.of(config(tmp_path / "orders.csv", FOUR[:1], Fidelity.MIXED, ("racecar",)))
+
+
+def test_who_runs_into_a_pod_is_counted(tmp_path: Path) -> None:
+    models = ("lifter", "lifter", "racecar")
+    setup = RunSetup.of(config(tmp_path / "orders.csv", FOUR, Fidelity.KINEMATIC, models))
+    world, pods = KinematicWorld(setup.scene), setup.scene.pod_start
+    arms = setup.scene.arm_start
+
+    def tick(n: int = 1) -> int:
+        for _ in range(n):
+            world.step(np.zeros((3, 2)), arms, np.zeros_like(arms), np.zeros(len(arms), dtype=np.bool_))
+        return world.contacts().static
+
+    world.put_car(0, pods[0])
+    assert tick() == 0  # without a pod, below one
+    world.put_car(2, pods[1])
+    assert tick() == 1  # no carrier
+    world.put_car(2, setup.scene.car_start[2])
+    assert world.pods is not None
+    world.pods.lift(0, 0)
+    assert tick(100) == 1
+    assert world.pods.is_up(0)
+    world.put_car(0, pods[4] + [0.5, 0.0, 0.0])
+    assert tick() > 1  # with a pod, into one
+    assert np.allclose(world.pods.poses()[0, :2], pods[4, :2] + [0.5, 0.0], atol=0.01)
+    snapshot = world.save()
+    world.pods.lower(0)
+    tick(100)
+    assert world.pods.is_down(0)
+    world.load(snapshot)
+    assert world.pods.is_up(0)
+
+
+@pytest.mark.bullet
+def test_a_pod_is_lifted_by_contact_and_set_down_in_the_shared_world(tmp_path: Path) -> None:
+    from fleet.world.bullet.world import BulletWorld
+
+    models = ("lifter", "racecar")
+    setup = RunSetup.of(config(tmp_path / "orders.csv", FOUR, Fidelity.PHYSICS, models))
+    world, arms = BulletWorld(setup.scene), setup.scene.arm_start
+    commands = np.zeros((2, 2))
+
+    def run(time_s: float) -> None:
+        for _ in range(round(time_s / world.tick_s)):
+            world.step(commands, arms, np.zeros_like(arms), np.zeros(len(arms), dtype=np.bool_))
+
+    pods = world.pods
+    assert pods is not None
+    world.put_car(0, setup.scene.pod_start[0])
+    run(0.5)
+    pods.lift(0, 0)
+    run(4.5)
+    assert pods.is_up(0)
+    assert 0.02 <= pods.poses()[0, 2] <= 0.05
+    commands[0] = 0.0, 0.2
+    run(2.0)
+    commands[0] = 0.0, 0.0
+    run(1.0)
+    moved = pods.poses()[0, :2] - setup.scene.pod_start[0, :2]
+    assert 0.2 <= np.hypot(*moved) <= 0.5
+    assert np.hypot(*(pods.poses()[0, :2] - world.car_poses()[0, :2])) <= 0.005
+    pods.lower(0)
+    run(4.5)
+    assert pods.is_down(0)
+    assert abs(pods.poses()[0, 2]) <= 0.002
+    assert (world.contacts().robot, world.contacts().static) == (0, 0)
+    x, y, _ = setup.scene.pod_start[1]
+    world.put_car(1, np.array([x + 0.4, y + 0.2, np.pi / 2]))  # its body about a leg
+    run(0.2)
+    assert world.contacts().static >= 1
+    world.close()
+
+
+@pytest.mark.slow
+@pytest.mark.bullet
+def test_pods_are_brought_back_in_physics(make: Make) -> None:
+    seen: list[Event] = []
+    with make(*FOUR[:2], fidelity=Fidelity.PHYSICS, on_event=seen.append) as simulation:
+        simulation.run()
+        assert {task.state for task in simulation.board.tasks} == {TaskState.DONE}
+        contacts = simulation.world.contacts()
+        assert (contacts.robot, contacts.static) == (0, 0)
+    down = [event.facts for event in seen if event.kind == "pod_set_down"]
+    assert len(down) == 2
+    assert all(facts["off_mm"] <= 20.0 and facts["off_deg"] <= 2.0 for facts in down)
