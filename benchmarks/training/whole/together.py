@@ -1,7 +1,8 @@
 """Together: cars and arms that were trained apart play `cell`, in physics, and no classical controller drives them.
 
-The policies are those of `runs/learning/<recipe>/<seed>`; `queue` starts from `dock`, seed by seed. Where no arm was
-trained the arms' script plays, and the row has no target.
+Cars brake where their grants end, whatever their policy says (`grants_hold`). The policies are those of
+`runs/learning/<recipe>/<seed>`; `queue` starts from `dock`, seed by seed. Where no arm was trained the arms' script
+plays, and the row has no target.
 """
 
 from __future__ import annotations
@@ -85,7 +86,7 @@ def play_team(seed: int, arms: str, fidelity: str, n_episodes: int) -> list[Scor
     recipe = RECIPES["cell"]
     by_arms = load_policy(FOLDER / ARMS / str(seed)) if arms == ARMS else PointingArms()
     team = Team({"car": load_policy(FOLDER / CARS / str(seed)), "arm": by_arms})
-    arguments = {**recipe.arguments, "ramp": True, "fidelity": fidelity}
+    arguments = {**recipe.arguments, "ramp": True, "grants_hold": True, "fidelity": fidelity}
     seeds = range(FIRST_SEED + seed * n_episodes, FIRST_SEED + (seed + 1) * n_episodes)
     return evaluate(recipe, arguments, {CARS: team}, seeds)[CARS]
 

@@ -120,7 +120,7 @@ _ALONE = {"level": "dock", "n_cars": 1}
 _NEAR = {**_ALONE, "start": {"near_m": (0.05, 1.5), "side_m": 0.2, "turn_rad": 0.6}}
 _IN_TURN = {"n_cars": 3, "max_cycles": 300}
 QUEUE = Recipe(
-    summary="cars come to docks one after the other, and each waits for its turn where its grant ends",
+    summary="cars come to docks one after the other, and each waits for its turn",
     make=_warehouse,
     scripted=_classical,
     script="pure pursuit, and a stop at its end",
@@ -135,12 +135,17 @@ QUEUE = Recipe(
         "n_cars": 2,
         "n_arms": 0,
         "ramp": True,
+        "grants_hold": True,
         "weights": {"docked": 1.0, "contact": -1.0, "time": -0.02},
     },
     stages=(
-        # A car that learned alone was always granted all of its way: it drives on where its grant ends, and comes to
-        # its stop askew, where it never was before. So cars begin there, too, and the first who queue are three.
-        TrainingStage(name="in turn", mix=(_NEAR, _IN_TURN, _NEAR, _ALONE, _IN_TURN, {"max_cycles": 600})),
+        # A car that learned alone was always granted all of its way, and never began near its stop. Where nothing holds
+        # it, it meets what comes of driving on where its grant ends.
+        TrainingStage(
+            name="in turn",
+            arguments={"grants_hold": False},
+            mix=(_NEAR, _IN_TURN, _NEAR, _ALONE, _IN_TURN, {"max_cycles": 600}),
+        ),
     ),
 )
 

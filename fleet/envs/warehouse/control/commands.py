@@ -23,13 +23,16 @@ from fleet.envs.warehouse.control.hands import (
 from fleet.envs.warehouse.control.latch import Latches
 from fleet.envs.warehouse.control.plans import Plans
 from fleet.envs.warehouse.control.pursuit import Wheel, pursue
-from fleet.envs.warehouse.rows import N_JOINTS, Rows
+from fleet.envs.warehouse.rows import N_JOINTS, NEAR_M, Rows
 from fleet.envs.warehouse.run.agent_simulation import AgentSimulation
 from fleet.robots.speed_ramp import SpeedRamp
 from fleet.simulation import Actions
 
+_GRANTED = 15  # entry of a car's observation
 RESIDUAL_RAD = 0.2
 """Joints are moved away from the classical plan by up to the residual's share of this [rad]."""
+BEYOND_M, BRAKES_MPS2 = 0.03, 1.0
+"""A car that is held to its grants is not faster than lets it brake, gently, so far behind their end [m], [m/s2]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,6 +55,8 @@ class ActionModel:
     """How long a grip has to be told to open [s]."""
     ramp: bool
     """Whether cars approach told speeds within their limits of acceleration."""
+    grants_hold: bool
+    """Whether cars brake where what they were granted ends."""
 
 
 class Commands:
@@ -107,6 +112,10 @@ class Commands:
             pursue(car_rows, self._wheel, shares)
             shares += model.residual * actions.cars
         _drive(shares, self._car_limits, model.dead_band, in_order, self._cars)
+        if model.grants_hold:
+            left_m = car_rows[:, _GRANTED].astype(np.float64) * NEAR_M
+            on_mps = np.sqrt(2.0 * BRAKES_MPS2 * np.maximum(0.0, left_m + BEYOND_M))
+            self._cars[:, 1] = np.minimum(self._cars[:, 1], on_mps)
         self._arms = actions.arms
         if self.plans is not None:
             for arm, pace in enumerate(actions.arms[:, -1].tolist()):

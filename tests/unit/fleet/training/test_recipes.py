@@ -45,7 +45,9 @@ def test_cars_of_the_queue_wait_before_a_dock_and_touch_nobody_by_script() -> No
         observations, _, _, _, infos = env.step(policy.act(env, observations))
         touches += sum(info["contact"] for info in infos.values())
         # It is bound for a pick dock that is not at hand, stands, and was granted nothing more.
-        n_waits += sum(row[10] > 0 and row[55] > 0.3 and row[58] > 0 and row[15] < 0.03 for row in observations.values())
+        n_waits += sum(
+            row[10] > 0 and row[55] > 0.3 and row[58] > 0 and row[15] < 0.03 for row in observations.values()
+        )
     env.close()
     assert n_waits > 10
     assert touches == 0.0
