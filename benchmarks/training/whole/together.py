@@ -30,7 +30,7 @@ DELIVERED = ">= 1.6"
 """Of two parcels."""
 
 
-class Team:
+class TeamByType:
     """Plays agents of each type by a policy of their own.
 
     Args:
@@ -85,7 +85,7 @@ def play_team(seed: int, arms: str, fidelity: str, n_episodes: int) -> list[Scor
 
     recipe = RECIPES["cell"]
     by_arms = load_policy(FOLDER / ARMS / str(seed)) if arms == ARMS else PointingArms()
-    team = Team({"car": load_policy(FOLDER / CARS / str(seed)), "arm": by_arms})
+    team = TeamByType({"car": load_policy(FOLDER / CARS / str(seed)), "arm": by_arms})
     arguments = {**recipe.arguments, "ramp": True, "grants_hold": True, "fidelity": fidelity}
     seeds = range(FIRST_SEED + seed * n_episodes, FIRST_SEED + (seed + 1) * n_episodes)
     return evaluate(recipe, arguments, {CARS: team}, seeds)[CARS]

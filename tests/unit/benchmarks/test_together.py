@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from benchmarks.training.whole.together import Team
+from benchmarks.training.whole.together import TeamByType
 
 
 class Says:
@@ -19,10 +19,10 @@ class Says:
 
 
 def test_each_type_is_played_by_its_own_policy() -> None:
-    team = Team({"car": Says("drive"), "arm": Says("set")})
+    team = TeamByType({"car": Says("drive"), "arm": Says("set")})
     assert team.act(None, {"arm_0": 1, "car_1": 2}) == {"arm_0": "set", "car_1": "drive"}
 
 
 def test_a_policy_whose_agents_are_gone_is_not_asked() -> None:
-    team = Team({"car": Says("drive"), "arm": Says("set")})
+    team = TeamByType({"car": Says("drive"), "arm": Says("set")})
     assert team.act(None, {"arm_0": 1, "arm_1": 2}) == {"arm_0": "set", "arm_1": "set"}
