@@ -20,7 +20,7 @@ from fleet.envs.policies.warehouse import PointingArms
 from fleet.training.batch import type_of
 from fleet.training.evaluation import Score, evaluate
 from fleet.training.recipes import RECIPES
-from fleet.training.results import CHECKPOINT
+from fleet.training.results import CHECKPOINT, EVALUATION
 
 CARS, ARMS = "queue", "transfer"
 """Recipes of the policies."""
@@ -68,7 +68,7 @@ def measure_together(trial: Trial) -> Iterator[Row]:
             unit = f"of 2; {len(played)} seeds, {len(scores)} episodes"
             name = f"cell, {fidelity}, cars by {CARS}, arms by {arms}: delivered"
             yield Row(name=name, value=_mean(scores, "deliveries"), unit=unit, target=DELIVERED if promised else "")
-            yield Row(name="  contacts", value=-_mean(scores, "contact"), unit="per episode, by robot")
+            yield Row(name="  contacts", value=abs(_mean(scores, "contact")), unit="per episode, by robot")
 
 
 def play_team(seed: int, arms: str, fidelity: str, n_episodes: int) -> list[Score]:
@@ -92,7 +92,9 @@ def play_team(seed: int, arms: str, fidelity: str, n_episodes: int) -> list[Scor
 
 
 def _is_there(recipe: str, seed: int) -> bool:
-    return (FOLDER / recipe / str(seed) / CHECKPOINT).is_file()
+    """Whether a seed was trained to its end."""
+    folder = FOLDER / recipe / str(seed)
+    return (folder / CHECKPOINT).is_file() and (folder / EVALUATION).is_file()
 
 
 def _mean(scores: list[Score], figure: str) -> float:
