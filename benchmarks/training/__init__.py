@@ -1,6 +1,7 @@
 """Training: what environments cost, and what policies and learning make of them; one file per kind of groups.
 
-`python -m benchmarks.training [--only speed | grid | table | due | vec | subproc | learning | slack | traffic | play]`.
+`python -m benchmarks.training [--only speed | grid | table | due | vec | subproc | learning | slack | traffic | play |
+together]`.
 """
 
 from __future__ import annotations
@@ -9,12 +10,13 @@ from benchmarks.harness import grouped
 from benchmarks.training import layers
 from benchmarks.training.congestion import measure_traffic
 from benchmarks.training.due_dates import measure_due_dates
-from benchmarks.training.fleet_play import measure_fleet_play
 from benchmarks.training.learning import measure_learning
 from benchmarks.training.slack import measure_slack
 from benchmarks.training.speed import measure_speed
 from benchmarks.training.subproc import measure_subproc
 from benchmarks.training.vec import measure_vec
+from benchmarks.training.whole.fleet_play import measure_fleet_play
+from benchmarks.training.whole.together import measure_together
 
 GROUPS = {
     "speed": measure_speed,
@@ -26,6 +28,7 @@ GROUPS = {
     "slack": measure_slack,
     "traffic": measure_traffic,
     "play": measure_fleet_play,
+    "together": measure_together,
 }
 
 BENCHMARK = grouped(

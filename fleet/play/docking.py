@@ -14,7 +14,7 @@ from fleet.config import EstimateConfig, RunConfig
 from fleet.envs.core.base import Infos
 from fleet.envs.warehouse.config import WarehouseConfig
 from fleet.envs.warehouse.control.actions import N_CAR_ENTRIES
-from fleet.envs.warehouse.control.commands import Commands
+from fleet.envs.warehouse.control.commands import BEYOND_M, BRAKES_MPS2, Commands
 from fleet.envs.warehouse.env import WarehouseEnv, WarehouseEpisode
 from fleet.envs.warehouse.observations import Observer, Told, rings_of
 from fleet.envs.warehouse.rewards import Rewards, RewardWeights
@@ -40,9 +40,9 @@ ASIDE_M, ASIDE_PER_M = STOP_M, 0.08
 TURNED_RAD, TURNED_RAD_PER_M = STOP_RAD, 0.3
 """A car that is further from its path at the stop, and per metre before it, or is turned more, is given back to the
 path follower: the nearer the stop, the less is left to straighten it."""
-BEYOND_M, BACK_M, BRAKES_MPS2 = 0.03, 0.1, 1.0
-"""Whatever a policy says, a car is not faster than lets it brake, gently, so far behind its stop, or so far back from
-the furthest that it has come [m], [m/s2]: further on it was granted nothing, further back others may have been."""
+BACK_M = 0.1
+"""Whatever a policy says, a car is not faster than lets it brake, gently, so far back from the furthest that it has
+come, or `BEYOND_M` behind its stop [m]: further on it was granted nothing, further back others may have been."""
 PATIENCE_S = 10.0
 """A car is given back, too, if it does not stand at its stop after so long [s]."""
 

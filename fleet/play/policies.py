@@ -35,6 +35,7 @@ _OF_THE_RUN = frozenset(
         "start",
         "breakdowns",
         "ramp",
+        "grants_hold",
     )
 )
 """Settings of environments that a run has of its own, or that mean nothing in one."""

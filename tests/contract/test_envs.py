@@ -369,6 +369,7 @@ def test_states_of_other_environments_are_refused(make: Callable[..., WarehouseE
         ({"car_action": "tip"}, "drive, residual"),
         ({"dead_band": 1.0}, "0 to 0.9"),
         ({"ramp": 1}, "ramp is 1; valid: True, False"),
+        ({"grants_hold": "yes"}, "grants_hold is 'yes'; valid: True, False"),
         ({"team_share": 1.5}, "team_share is 1.5; valid: a number from 0 to 1"),
         ({"stop_m": 0.0}, "0.005 to 0.5"),
         ({"start": {"cars": "home"}}, "parked, anywhere, near, docked"),

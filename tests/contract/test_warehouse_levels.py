@@ -188,6 +188,22 @@ def test_cars_are_held_to_their_limits_in_physics_too(make: Callable[..., Wareho
     assert speeds(fidelity="physics")[0] > 4.0 * kinematic[0]
 
 
+def test_a_car_is_braked_where_its_grant_ends_and_backs_off_as_it_is_told(make: Callable[..., WarehouseEnv]) -> None:
+    def granted_m(told: float, n_steps: int, **arguments: Any) -> float:
+        env = make(
+            level="dock", start={"near_m": (0.3, 0.3), "side_m": 0.0, "turn_rad": 0.0}, stop_rad=0.01, **arguments
+        )
+        env.reset(seed=1)
+        left = [0.0]
+        while env.agents and len(left) <= n_steps:
+            left.append(float(env.step({"car_0": np.array([0.0, told])})[0]["car_0"][15]) * 3.0)
+        return left[-1]
+
+    assert granted_m(1.0, 15) < -0.3
+    assert -0.05 < granted_m(1.0, 15, grants_hold=True) < 0.0
+    assert granted_m(-1.0, 5, grants_hold=True) == granted_m(-1.0, 5) > 0.3
+
+
 def test_a_car_in_the_dead_band_brakes(make: Callable[..., WarehouseEnv]) -> None:
     env = make(level="dock", dead_band=0.2, start={"near_m": (3.0, 3.0)})
     env.reset(seed=0)

@@ -92,6 +92,9 @@ class WarehouseConfig(RecordedEnvConfig):
     ramp: bool = False
     """Whether cars approach a told speed within the limits of acceleration of their model in physics, too, as they do
     without it; else as fast as motors and tyres can. Cars that turn on the spot always do, in speed and yaw rate."""
+    grants_hold: bool = False
+    """Whether cars brake where what they were granted ends, whatever they are told, as in a fleet (`fleet.play`): they
+    get 3 cm beyond it. Back they drive as they are told."""
     residual: float = 0.3
     """Weight of residual actions."""
     pace: float | None = None
@@ -136,7 +139,8 @@ class WarehouseConfig(RecordedEnvConfig):
         require(self.car_action in CAR_ACTIONS, "car_action", self.car_action, ", ".join(CAR_ACTIONS))
         require(self.arm_action in list(ARM_ACTIONS), "arm_action", self.arm_action, ", ".join(ARM_ACTIONS))
         self._check_robots()
-        require(isinstance(self.ramp, bool), "ramp", self.ramp, "True, False")
+        for name in ("ramp", "grants_hold"):
+            require(isinstance(getattr(self, name), bool), name, getattr(self, name), "True, False")
         if self.pace is not None:
             _require_number("pace", self.pace, 0.0, 4.0)
         for name, low, high in _RANGES:
@@ -221,6 +225,7 @@ class WarehouseConfig(RecordedEnvConfig):
             pace=self.residual if self.pace is None else self.pace,
             hold_s=self.hold_s,
             ramp=self.ramp,
+            grants_hold=self.grants_hold,
         )
 
     @property

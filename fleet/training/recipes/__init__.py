@@ -6,7 +6,7 @@ from fleet.training.recipes.navigate import CAR, NAVIGATE
 from fleet.training.recipes.reach import REACH
 from fleet.training.recipes.recipe import Recipe, TrainingStage
 from fleet.training.recipes.traffic import TRAFFIC
-from fleet.training.recipes.warehouse import APPROACH, CELL, DOCK, RESIDUAL, TRANSFER
+from fleet.training.recipes.warehouse import APPROACH, CELL, DOCK, QUEUE, RESIDUAL, TRANSFER
 
 __all__ = ["RECIPES", "Recipe", "TrainingStage"]
 
@@ -19,6 +19,7 @@ RECIPES: dict[str, Recipe] = {
     "dispatch_due": DISPATCH_DUE,
     "dock": DOCK,
     "approach": APPROACH,
+    "queue": QUEUE,
     "transfer": TRANSFER,
     "cell": CELL,
     "residual": RESIDUAL,

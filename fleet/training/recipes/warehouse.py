@@ -116,6 +116,39 @@ APPROACH = replace(
     ),
 )
 
+_ALONE = {"level": "dock", "n_cars": 1}
+_NEAR = {**_ALONE, "start": {"near_m": (0.05, 1.5), "side_m": 0.2, "turn_rad": 0.6}}
+_IN_TURN = {"n_cars": 3, "max_cycles": 300}
+QUEUE = Recipe(
+    summary="cars come to docks one after the other, and each waits for its turn",
+    make=_warehouse,
+    scripted=_classical,
+    script="pure pursuit, and a stop at its end",
+    figures=("docked", "contact", "failed"),
+    at_end={"deliveries": n_deliveries},
+    n_steps=160_000,
+    ppo=replace(DOCK.ppo, discount=0.99, entropy=0.0),
+    # Arms are the classical fleet's. What is docked counts as one.
+    arguments={
+        "level": "all",
+        "site": "cell",
+        "n_cars": 2,
+        "n_arms": 0,
+        "ramp": True,
+        "grants_hold": True,
+        "weights": {"docked": 1.0, "contact": -1.0, "time": -0.02},
+    },
+    stages=(
+        # A car that learned alone was always granted all of its way, and never began near its stop. Where nothing holds
+        # it, it meets what comes of driving on where its grant ends.
+        TrainingStage(
+            name="in turn",
+            arguments={"grants_hold": False},
+            mix=(_NEAR, _IN_TURN, _NEAR, _ALONE, _IN_TURN, {"max_cycles": 600}),
+        ),
+    ),
+)
+
 CLONED_FIRST = PpoConfig(
     envs_n=16,
     horizon_n=128,

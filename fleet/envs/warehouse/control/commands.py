@@ -15,12 +15,15 @@ from fleet.envs.warehouse.control.latch import Latches
 from fleet.envs.warehouse.control.plans import Plans
 from fleet.envs.warehouse.control.pursuit import Pursuit
 from fleet.envs.warehouse.control.ramp import CarRamp
-from fleet.envs.warehouse.rows import Rows
+from fleet.envs.warehouse.rows import NEAR_M, Rows
 from fleet.envs.warehouse.run.agent_simulation import AgentSimulation
 from fleet.simulation import Actions
 
+_GRANTED = 15  # entry of a car's observation
 RESIDUAL_RAD = 0.2
 """Joints are moved away from the classical plan by up to the residual's share of this [rad]."""
+BEYOND_M, BRAKES_MPS2 = 0.03, 1.0
+"""A car that is held to its grants is not faster than lets it brake, gently, so far behind their end [m], [m/s2]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,6 +46,8 @@ class ActionModel:
     """How long a grip has to be told to open [s]."""
     ramp: bool
     """Whether all cars approach told speeds within their limits of acceleration, or those that do not steer only."""
+    grants_hold: bool
+    """Whether cars brake where what they were granted ends."""
 
 
 class Commands:
@@ -93,6 +98,10 @@ class Commands:
             shares = self._pursuit.actions(car_rows, np.arange(len(car_rows)))
             shares += model.residual * actions.cars
         _drive(shares, self._car_limits, self._steers, model.dead_band, in_order, self._cars)
+        if model.grants_hold:
+            left_m = car_rows[:, _GRANTED].astype(np.float64) * NEAR_M
+            on_mps = np.sqrt(2.0 * BRAKES_MPS2 * np.maximum(0.0, left_m + BEYOND_M))
+            self._cars[:, 1] = np.minimum(self._cars[:, 1], on_mps)
         self._arms = actions.arms
         if self.plans is not None:
             for arm, pace in enumerate(actions.arms[:, -1].tolist()):

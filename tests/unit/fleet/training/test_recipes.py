@@ -32,3 +32,22 @@ def test_handover_counts_each_parcel_once_at_the_end_and_for_arm_and_car_before(
     assert figures["parcels_delivered"] >= 1.0
     assert figures["n_delivered"] == 2.0 * figures["parcels_delivered"]
     assert figures["n_loaded"] == 2.0 * figures["parcels_loaded"]
+
+
+def test_cars_of_the_queue_wait_before_a_dock_and_touch_nobody_by_script() -> None:
+    recipe = RECIPES["queue"]
+    (kind,), _ = recipe.survey(recipe.arguments)  # agents of all stages are alike
+    assert kind.name == "car"
+    env = recipe.make(**recipe.environments(recipe.stages[0], recipe.arguments, ())[1])
+    policy, n_waits, touches = recipe.scripted(), 0, 0.0
+    observations, _ = env.reset(seed=0)
+    while env.agents:
+        observations, _, _, _, infos = env.step(policy.act(env, observations))
+        touches += sum(info["contact"] for info in infos.values())
+        # It is bound for a pick dock that is not at hand, stands, and was granted nothing more.
+        n_waits += sum(
+            row[10] > 0 and row[55] > 0.3 and row[58] > 0 and row[15] < 0.03 for row in observations.values()
+        )
+    env.close()
+    assert n_waits > 10
+    assert touches == 0.0

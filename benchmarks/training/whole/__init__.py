@@ -1,0 +1,1 @@
+"""The whole: what was learned in parts, played where everything goes on."""
