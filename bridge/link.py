@@ -48,7 +48,7 @@ class Link:
 
     def __init__(self, address: str, patience_s: float = 30.0) -> None:
         host, _, port = address.rpartition(":")
-        if not host or not port.isdigit():
+        if not host or not port.isdecimal() or not 0 < int(port) < 1 << 16:
             raise LinkError(f"address is {address!r}; valid: HOST:PORT, such as 127.0.0.1:9870")
         until = time.monotonic() + patience_s
         while True:

@@ -12,12 +12,16 @@ import argparse
 import sys
 from typing import Any
 
-import rospy
-from std_srvs.srv import SetBool, SetBoolResponse, Trigger, TriggerResponse
-
 import topics
 from link import Link, LinkError
-from messages import DEPTH, Messages, ears, triggers
+
+try:
+    import rospy
+    from std_srvs.srv import SetBool, SetBoolResponse, Trigger, TriggerResponse
+
+    from messages import DEPTH, Messages, ears, triggers
+except ImportError as error:
+    topics.lacks("ros1_node", error, "the Python of a ROS 1, with its environment sourced (--python)")
 
 
 class FleetNode:

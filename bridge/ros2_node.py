@@ -14,17 +14,21 @@ import sys
 import threading
 from typing import Any
 
-import rclpy
-from builtin_interfaces.msg import Time
-from geometry_msgs.msg import TransformStamped
-from rclpy._rclpy_pybind11 import RCLError
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
-from rclpy.node import Node
-from std_srvs.srv import SetBool, Trigger
-
 import topics
 from link import Link, LinkError
-from messages import DEPTH, Messages, ears, triggers
+
+try:
+    import rclpy
+    from builtin_interfaces.msg import Time
+    from geometry_msgs.msg import TransformStamped
+    from rclpy._rclpy_pybind11 import RCLError
+    from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+    from rclpy.node import Node
+    from std_srvs.srv import SetBool, Trigger
+
+    from messages import DEPTH, Messages, ears, triggers
+except ImportError as error:
+    topics.lacks("ros2_node", error, "the Python of a ROS 2, with its environment sourced (--python)")
 
 try:
     from tf2_msgs.msg import TFMessage

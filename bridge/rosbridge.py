@@ -32,9 +32,15 @@ from topics import (
     Scan,
     Text,
     arguments,
+    lacks,
     serve,
     topics_of,
 )
+
+try:
+    from websockets.asyncio.server import serve as listen
+except ImportError as error:
+    lacks("rosbridge", error, "a Python with websockets 14 or newer (--python)")
 
 LOCAL = ("http://localhost", "http://127.0.0.1", "http://[::1]", "null")
 """Where pages may come from that connect, with any port: else every page that a browser opens could drive robots."""
@@ -327,8 +333,6 @@ def may_come(origin: str | None, others: list[str]) -> bool:
 
 async def run(words: argparse.Namespace, link: Link) -> int:
     """Serve until the run ends."""
-    from websockets.asyncio.server import serve as listen
-
     rosbridge = Rosbridge(link)
     rosbridge.look(words.camera, words.every)
 

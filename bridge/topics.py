@@ -9,8 +9,9 @@ from __future__ import annotations
 import argparse
 import json
 import math
+import sys
 import threading
-from typing import Any, Callable, Iterator, NamedTuple, Sequence, Union
+from typing import Any, Callable, Iterator, NamedTuple, NoReturn, Sequence, Union
 
 from link import Frame, Link
 
@@ -248,6 +249,12 @@ class Commands:
             return None
         given = dict(zip(names, position))
         return [float(given.get(joint, now)) for joint, now in zip(joints, self._q[arm])]
+
+
+def lacks(program: str, error: ImportError, valid: str) -> NoReturn:
+    """End a program whose Python lacks what it needs, with one line and the status of bad input."""
+    print(f"{program}: {error}; valid: {valid}", file=sys.stderr)
+    raise SystemExit(2) from error
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:

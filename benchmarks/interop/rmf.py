@@ -15,8 +15,8 @@ from benchmarks.interop.others import instance, n_same, package
 from fleet.config import Fidelity, RunConfig
 from fleet.simulation import Simulation
 from maps.layouts.redraw import redrawn
-from maps.layouts.rmf_building import navigation_graphs, read_building
-from maps.layouts.rmf_graph import NavGraph, read_graph
+from maps.layouts.rmf.building import navigation_graphs, read_building
+from maps.layouts.rmf.graph import NavGraph, read_graph
 from maps.layouts.to_site import site_of_layout
 from maps.site import Site, load_site, save_site, site_names
 

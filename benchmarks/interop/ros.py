@@ -44,7 +44,7 @@ def measure_ros(trial: Trial) -> Iterable[Row]:
     """Let a run go at the speed of the clock, and count what arrives; then see what the bridge costs."""
     n_ticks = _QUICK_TICKS if trial.quick else _TICKS
     if PYTHON.is_file():
-        share, late_ms = _arrivals(n_ticks)
+        share, late_ms, node_s = _arrivals(n_ticks)
         yield Row(name="R1 least share of a topic that arrives", value=share, unit="", target=">= 0.99")
         yield Row(name="R1 late, median", value=float(np.median(late_ms)), unit="ms", kind=Kind.TIME)
         yield Row(
@@ -53,6 +53,12 @@ def measure_ros(trial: Trial) -> Iterable[Row]:
             unit="ms",
             kind=Kind.TIME,
             target="<= 5",
+        )
+        yield Row(
+            name="R1 computing of the node per message, with its start",
+            value=1e6 * node_s / len(late_ms),
+            unit="us",
+            kind=Kind.TIME,
         )
     else:
         trial.notes.append("R1: what arrives is left out, ROS 2 is not in .venv-ros (make test-interop)")
@@ -74,8 +80,13 @@ class _Timed(Simulation):
         self.ended_s[round(self.sim_s * 1e9)] = time.time()
 
 
-def _arrivals(n_ticks: int) -> tuple[float, FloatArray]:
-    """Share of the ticks that arrived on the topic with the fewest, and how late messages were [ms], shape (k,)."""
+def _arrivals(n_ticks: int) -> tuple[float, FloatArray, float]:
+    """What arrives.
+
+    Returns:
+        Share of the ticks that arrived on the topic with the fewest, how late messages were [ms], shape (k,), and the
+        computing of the node that sent them [s].
+    """
     made: list[_Timed] = []
 
     def make(config: RunConfig, **words: Any) -> _Timed:
@@ -88,7 +99,7 @@ def _arrivals(n_ticks: int) -> tuple[float, FloatArray]:
         config = replace(CONFIG, duration_s=120.0 + n_ticks / 60.0)
         run = threading.Thread(target=lambda: run_session(config, session, make), daemon=True)
         run.start()
-        with _program(str(REPOSITORY / "bridge" / "ros2_node.py"), f"127.0.0.1:{server.port}"):
+        with _node(str(REPOSITORY / "bridge" / "ros2_node.py"), f"127.0.0.1:{server.port}") as node_s:
             words = [str(PYTHON), str(LISTENER), str(n_ticks), str(CARS), str(ARMS)]
             heard = subprocess.run(words, env=os.environ | _DOMAIN, capture_output=True, text=True, check=True).stdout
         _end(server.port)
@@ -99,7 +110,7 @@ def _arrivals(n_ticks: int) -> tuple[float, FloatArray]:
     whole = {stamp for stamp in sent if min(clock) < stamp < max(clock)}
     share = min(len(whole & {stamp for stamp, _ in messages}) / len(whole) for messages in came.values())
     late = [1e3 * (at_s - sent[stamp]) for messages in came.values() for stamp, at_s in messages]
-    return share, np.array(late)
+    return share, np.array(late), node_s[0]
 
 
 def _share(n_ticks: int) -> float:
@@ -121,14 +132,17 @@ def _share(n_ticks: int) -> float:
 
 
 @contextmanager
-def _program(*words: str) -> Iterator[None]:
-    """A program under ROS 2, for as long as the block lasts."""
+def _node(*words: str) -> Iterator[list[float]]:
+    """A program under ROS 2, for as long as the block lasts; then what is yielded has its computing [s]."""
+    spent: list[float] = []
     process = subprocess.Popen([str(PYTHON), *words], env=os.environ | _DOMAIN, stdout=subprocess.DEVNULL)
     try:
-        yield
+        yield spent
     finally:
         process.terminate()
-        process.wait()
+        _, status, used = os.wait4(process.pid, 0)
+        process.returncode = os.waitstatus_to_exitcode(status)
+        spent.append(used.ru_utime + used.ru_stime)
 
 
 def _end(port: int) -> None:

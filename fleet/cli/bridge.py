@@ -42,7 +42,7 @@ class BridgeCommand:
             print(folder)  # noqa: T201 - what was asked for
             return 0
         host, colon, port = self.to.rpartition(":")
-        ok = bool(host and colon and port.isdecimal())
+        ok = bool(host and colon and port.isdecimal() and 0 < int(port) < 1 << 16)
         require(ok, "--to", self.to, "HOST:PORT, such as 127.0.0.1:9870")
         require(0 <= self.port < 1 << 16, "--port", self.port, f"an integer from 0 to {(1 << 16) - 1}")
         python = self.python or Path(sys.executable)
@@ -51,4 +51,5 @@ class BridgeCommand:
         if self.kind == "rosbridge":
             words += ["--port", str(self.port)]
         words += [word for station in self.camera for word in ("--camera", station)]
-        return subprocess.run(words, check=False).returncode
+        # The descriptors 1 and 2 of this process lead to nowhere, see `fleet.terminal.console`.
+        return subprocess.run(words, stdout=sys.stdout, stderr=sys.stderr, check=False).returncode

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fleet.arrays import FloatArray
 from fleet.config import EstimateConfig, TrafficConfig, require
 from fleet.robots import ArmTeam
 from fleet.robots.cars.models import usual_car
@@ -95,7 +96,7 @@ class LayoutRun:
             arm_start=np.empty((0, 0)),
         )
         self.world = make_world(self.scene)
-        driver = PathDriver(
+        self._driver = PathDriver(
             graph,
             self.scene.cars,
             graph.state_pose[starts],
@@ -104,7 +105,7 @@ class LayoutRun:
             np.random.default_rng(noise),
         )
         self._n_cut = 0
-        self.executor = Executor(graph, starts, driver, traffic, self._log)
+        self.executor = Executor(graph, starts, self._driver, traffic, self._log)
         self.traffic = Traffic(graph, self.executor, traffic, self.world.tick_s, int(ties.generate_state(1)[0]))
         uses = {station.node: station.use for station in lanes.layout.stations}
         self._delivers = {"pick", "drop"} <= set(uses.values())
@@ -137,6 +138,23 @@ class LayoutRun:
     def deliveries(self) -> int:
         """Times that a car has set down."""
         return self._deliveries
+
+    @property
+    def car_words(self) -> tuple[str, ...]:
+        """What each car is about, in the words of the time accounts."""
+        slow = np.abs(self.world.car_speeds()) < _STILL_MPS
+        return tuple(
+            ("traffic" if stands else f"driving {'loaded' if carries else 'empty'}")
+            if under_way
+            else ("served" if node in self._uses else "idle")
+            for under_way, stands, carries, node in zip(
+                self._under_way.tolist(), slow.tolist(), self._carries.tolist(), self._node, strict=True
+            )
+        )
+
+    def ways(self) -> tuple[tuple[FloatArray, ...], tuple[FloatArray, ...]]:
+        """Line of every car that is granted, and what is planned beyond [m], shape (k, 2) each."""
+        return self._driver.remaining_lines(), self.executor.planned_lines()
 
     def tick(self) -> None:
         """Let a control period pass."""

@@ -13,8 +13,8 @@ from typing import Self
 
 from fleet.gateway.errors import GatewayError
 
-START_S = 60.0
-"""How long the broker may take to listen [s]."""
+START_S = 600.0
+"""How long the broker may take to listen [s]: one that ends is told at once, so only a hang takes so long."""
 END_S = 5.0
 """How long it may take to end [s]."""
 

@@ -51,10 +51,10 @@ class BrokerAddress:
         valid = "mqtt://HOST:PORT or mqtts://HOST:PORT"
         try:
             parts = urlsplit(self.url)
-            _ = parts.port  # raises if it is no number
+            nowhere = parts.port == 0  # raises if it is no number
         except ValueError as error:
             raise GatewayError(f"--vda5050 is {self.url!r} ({error}); valid: {valid}") from error
-        if parts.scheme not in PORTS or not parts.hostname or parts.path.strip("/") or parts.query:
+        if parts.scheme not in PORTS or not parts.hostname or nowhere or parts.path.strip("/") or parts.query:
             raise GatewayError(f"--vda5050 is {self.url!r}; valid: {valid}")
         if parts.username or parts.password:
             raise GatewayError("--vda5050 has a user in it; valid: --user and --password-file")
@@ -62,6 +62,10 @@ class BrokerAddress:
             path = getattr(self, name)
             if path is not None and not path.is_file():
                 raise GatewayError(f"--{name} is {str(path)!r}; valid: a file that is there")
+            if path is not None and parts.scheme != "mqtts":
+                raise GatewayError(
+                    f"--{name} is {str(path)!r} for {self.url}, which has no TLS; valid: mqtts://HOST:PORT"
+                )
 
     @property
     def host(self) -> str:

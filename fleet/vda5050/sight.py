@@ -6,6 +6,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+_MOST_RAD = 3.1415
+"""Greatest angle of so many digits that is at most pi: schemas of 2.0 refuse 3.1416."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class CarriedLoad:
@@ -44,7 +47,7 @@ class Sight:
         return {
             "x": round(self.x, 4),
             "y": round(self.y, 4),
-            "theta": round(self.theta, 4),
+            "theta": min(_MOST_RAD, max(-_MOST_RAD, round(self.theta, 4))),
             "mapId": self.map_id,
             "localized": True,
         }

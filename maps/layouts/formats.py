@@ -9,8 +9,8 @@ from maps.layouts.layout import FloorLayout, LayoutError
 from maps.layouts.lif import read_lif, write_lif
 from maps.layouts.nav2 import read_nav2, write_nav2
 from maps.layouts.opentcs import read_opentcs, write_opentcs
-from maps.layouts.rmf_building import read_building, write_building
-from maps.layouts.rmf_graph import read_rmf, write_rmf
+from maps.layouts.rmf.building import read_building, write_building
+from maps.layouts.rmf.graph import read_rmf, write_rmf
 from maps.site import Site
 
 

@@ -386,6 +386,29 @@ def test_a_missing_extra_is_named_with_its_cure(
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize(
+    ("program", "lacking"), [("ros2_node", "rclpy"), ("ros1_node", "rospy"), ("rosbridge", "websockets")]
+)
+def test_a_bridge_under_a_python_that_lacks_its_packages_says_so(program: str, lacking: str) -> None:
+    folder = Path(__file__).parents[2] / "bridge"
+    # Without site packages: the usual Python of somebody who has not sourced ROS.
+    words = [sys.executable, "-S", "-E", str(folder / f"{program}.py"), "127.0.0.1:9870"]
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert done.stderr == f"{program}: No module named {lacking!r}; valid: {done.stderr.partition('; valid: ')[2]}"
+    assert done.stderr.count("\n") == 1
+    assert "(--python)" in done.stderr
+
+
+def test_what_a_bridge_says_is_heard(tmp_path: Path) -> None:
+    python = tmp_path / "python"
+    python.write_text("#!/bin/sh\necho told\necho complained >&2\nexit 2\n", encoding="utf-8")
+    python.chmod(0o755)
+    words = [sys.executable, "-m", "fleet", "bridge", "ros2", "--python", str(python)]
+    done = subprocess.run(words, cwd=Path(__file__).parents[2], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (2, "told\n", "complained\n")
+
+
 def test_a_refused_run_leaves_earlier_results_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for name in ("result.json", "run.jsonl", "recording.rrd"):
         (tmp_path / name).write_text("old", encoding="utf-8")
@@ -426,6 +449,7 @@ def test_a_refused_run_leaves_earlier_results_alone(tmp_path: Path, capsys: pyte
         (["bridge"], ["KIND is missing"]),
         (["bridge", "ros3"], ["KIND is 'ros3'", "ros2, ros1, rosbridge, files"]),
         (["bridge", "ros2", "--to", "9870"], ["--to is '9870'", "HOST:PORT"]),
+        (["bridge", "ros2", "--to", "127.0.0.1:99999"], ["--to is '127.0.0.1:99999'", "HOST:PORT"]),
         (["bridge", "ros2", "--python", "nowhere/python"], ["--python is 'nowhere/python'", "a Python"]),
         (["bridge", "rosbridge", "--port", "-1"], ["--port is -1", "0 to 65535"]),
         (["export", "nowhere"], ["--mcap", "missing"]),
@@ -439,6 +463,11 @@ def test_a_refused_run_leaves_earlier_results_alone(tmp_path: Path, capsys: pyte
         (["serve"], ["--vda5050", "missing"]),
         (["serve", "--vda5050", "127.0.0.1:1883"], ["--vda5050 is '127.0.0.1:1883'", "mqtt://HOST:PORT"]),
         (["serve", "--vda5050", "mqtt://localhost:port"], ["--vda5050 is 'mqtt://localhost:port'", "mqtts://HOST"]),
+        (["serve", "--vda5050", "mqtt://localhost:0"], ["--vda5050 is 'mqtt://localhost:0'", "mqtt://HOST:PORT"]),
+        (
+            ["serve", "--vda5050", MQTT, "--user", "a", "--password-file", sys.executable],
+            ["--password-file is", "which is no text", "a text in UTF-8"],
+        ),
         (["serve", "--vda5050", "mqtt://me:secret@there:1"], ["has a user in it", "--password-file"]),
         (["serve", "--vda5050", "mqtt://127.0.0.1:1", *QUICK], ["mqtt://127.0.0.1:1 cannot be reached", "refused"]),
         (["serve", "--vda5050", MQTT, "--dialect", "1.1"], ["--dialect is '1.1'", "2.0.0, 2.0.0-coaty, 2.1.0, 3.0.0"]),
@@ -446,6 +475,7 @@ def test_a_refused_run_leaves_earlier_results_alone(tmp_path: Path, capsys: pyte
         (["serve", "--vda5050", MQTT, "--password-file", "x"], ["--password-file is 'x'", "with --user"]),
         (["serve", "--vda5050", MQTT, "--user", "a", "--password-file", "nope"], ["nope", "No such file"]),
         (["serve", "--vda5050", MQTT, "--ca", "nope.pem"], ["--ca is 'nope.pem'", "a file that is there"]),
+        (["serve", "--vda5050", MQTT, "--ca", sys.executable], ["--ca is", "which has no TLS", "mqtts://HOST:PORT"]),
         (["serve", "--vda5050", MQTT, "--key", "nope.pem"], ["--certificate", "together with --key"]),
         (["serve", "--vda5050", MQTT, "--visualization", "-1"], ["--visualization is -1.0", "a number >= 0"]),
         (["serve", "--vda5050", "mqtt://far.example:1883", "--broker"], ["--broker is 'mqtt://far", "127.0.0.1:PORT"]),
@@ -457,6 +487,7 @@ def test_a_refused_run_leaves_earlier_results_alone(tmp_path: Path, capsys: pyte
         (["layout", "drive", "nope.xml", "--duration", "-1"], ["--duration is -1", "a number > 0"]),
         (["layout", "drive", "nope.xml", "--fidelity", "grid"], ["--fidelity is 'grid'", "physics, kinematic"]),
         (["layout", "drive", "nope.xml", "--json", "nowhere/x"], ["--json is 'nowhere/x'", "a folder there is"]),
+        (["layout", "drive", "nope.xml", "--record", "nowhere/x"], ["--record is 'nowhere/x'", "a folder there is"]),
         (["yard", "demo", "--yard", "nope"], ["yard 'nope' is unknown; valid: depot, or a file"]),
         (["yard", "demo", "--cars", "28"], ["--cars is 28", "1 to 27"]),
         (["yard", "demo", "--duration", "0"], ["--duration is 0", "a number > 0"]),

@@ -33,7 +33,9 @@ def main() -> int:
             print(f"{partner.name} ({partner.home}): missing, its tests are skipped: {why}", flush=True)
             missing[partner.name] = why
     report = PartnerReport(options.only, missing)
-    return int(pytest.main(["-q", "-m", "interop", str(REPOSITORY / "tests" / "interop"), *words], plugins=[report]))
+    # Runs at the speed of the clock show no stacks of threads after some minutes.
+    usual = ["-q", "-m", "interop", "-o", "faulthandler_timeout=0", str(REPOSITORY / "tests" / "interop")]
+    return int(pytest.main([*usual, *words], plugins=[report]))
 
 
 if __name__ == "__main__":

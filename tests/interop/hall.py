@@ -17,6 +17,9 @@ from tests.interop.table import REPOSITORY
 MOST_S = 7200
 """Simulated time after which a run ends [s]. No wait goes by the wall clock: a slow machine is no fault."""
 
+PATIENT = ("--patience", "3600")
+"""Words for a master that waits for its vehicles."""
+
 
 @dataclass(kw_only=True)
 class Hall:
@@ -50,7 +53,7 @@ def serving(url: str, folder: Path, *words: str) -> Iterator[Hall]:
 
 def driven(url: str, folder: Path, *words: str) -> dict[str, Any]:
     """Let our master drive vehicles until its orders are done; returns the result of its run."""
-    words = ("drive", "--vda5050", url, "--duration", str(MOST_S), "--out", str(folder), *words)
+    words = ("drive", "--vda5050", url, "--duration", str(MOST_S), "--out", str(folder), *PATIENT, *words)
     program = [sys.executable, "-m", "fleet", *words]
     done = subprocess.run(program, cwd=REPOSITORY, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr

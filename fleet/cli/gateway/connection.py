@@ -56,7 +56,7 @@ class Connection:
         require(paired, "--certificate", str(self.certificate), "together with --key")
         password = ""
         if self.password_file is not None:
-            password = self.password_file.read_text(encoding="utf-8").partition("\n")[0]
+            password = _first_line(self.password_file)
         try:
             from fleet.gateway.mqtt import BrokerAddress
         except ImportError as error:
@@ -93,3 +93,12 @@ class Connection:
         if self.broker:
             stack.enter_context(EmbeddedBroker(address.port))
         return MqttTransport(address, name)
+
+
+def _first_line(file: Path) -> str:
+    """First line of a file; raises `ConfigError` if it is no text."""
+    try:
+        return file.read_text(encoding="utf-8").partition("\n")[0]
+    except UnicodeDecodeError as error:
+        valid = "a text in UTF-8 whose first line is the password of --user"
+        raise ConfigError(f"--password-file is {str(file)!r}, which is no text; valid: {valid}") from error

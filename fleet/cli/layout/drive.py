@@ -19,6 +19,7 @@ from fleet.terminal.progress_bar import Bar
 
 if TYPE_CHECKING:
     from fleet.free_lanes.run import LayoutResult
+    from fleet.session.car_watch import CarWatch
     from fleet.world.protocol import World
     from fleet.world.scene import Scene
 
@@ -50,27 +51,40 @@ class LayoutDrive:
     """Seed of where cars start and of the nodes they choose."""
     json: Path | None = None
     """File for the result (JSON)."""
+    record: Path | None = None
+    """File for a recording (.rrd), which `fleet view` opens and `fleet shot` paints; default none."""
 
     def run(self) -> int:
         """Run and print; returns the exit status."""
         positive("--duration", self.duration)
         require(self.trips >= 1, "--trips", self.trips, "an integer >= 1")
         require(self.seed >= 0, "--seed", self.seed, "an integer >= 0")
-        in_folder = self.json is None or self.json.parent.is_dir()
-        require(in_folder, "--json", str(self.json), "a file in a folder there is")
+        for name, file in (("--json", self.json), ("--record", self.record)):
+            require(file is None or file.parent.is_dir(), name, str(file), "a file in a folder there is")
         lanes = read_lanes(self.file, self.format, self.level)
         from fleet.free_lanes.run import LayoutRun
 
         run = LayoutRun(lanes, self.cars, self._world, seed=self.seed)
+        watch: CarWatch | None = None
         try:
+            if self.record is not None:
+                # It loads what writes recordings, and that takes a second.
+                from fleet.session.car_watch import CarWatch
+                from fleet.session.drawn_floors import lane_floor
+
+                watch = CarWatch(run, lane_floor(lanes), self.record)
             with Bar(self.trips, "trips", shown=True) as bar:
                 while run.trips < self.trips and run.time_s < self.duration:
                     run.tick()
+                    if watch is not None:
+                        watch.look()
                     if bar.due():
                         bar.show(run.trips, f"{run.time_s:.0f} s", f"{run.time_s:.0f} s, {run.trips} trips")
             result = run.result()
         finally:
             run.world.close()
+            if watch is not None:
+                watch.close()
         plain_console().print(figure_table(lane_figures(lanes) | _figures(result)))
         sys.stdout.writelines(f"note: {note}\n" for note in lanes.notes)
         if self.json is not None:

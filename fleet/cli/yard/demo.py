@@ -14,7 +14,7 @@ from fleet.config.settings import positive
 from fleet.terminal.progress_bar import Bar
 
 if TYPE_CHECKING:
-    from fleet.session.yard_watch import YardWatch
+    from fleet.session.car_watch import CarWatch
     from fleet.world.protocol import World
     from fleet.world.scene import Scene
     from fleet.yard.run import YardResult
@@ -54,13 +54,14 @@ class YardDemo:
         yard = load_yard(self.yard)
         run = YardRun(yard, self.cars, self._world, seed=self.seed, clock=time.process_time)
         n_ticks = max(1, round(self.duration / run.world.tick_s))
-        watch: YardWatch | None = None
+        watch: CarWatch | None = None
         try:
             if self.record is not None:
                 # It loads what writes recordings, and that takes a second.
-                from fleet.session.yard_watch import YardWatch
+                from fleet.session.car_watch import CarWatch
+                from fleet.session.drawn_floors import yard_floor
 
-                watch = YardWatch(run, self.record)
+                watch = CarWatch(run, yard_floor(yard), self.record)
             YardRun(yard, 1, KinematicWorld).tick_until_planned()  # loads the kernels
             with Bar(n_ticks, "ticks", shown=True) as bar:
                 for tick in range(n_ticks):

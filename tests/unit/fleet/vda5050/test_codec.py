@@ -1,6 +1,7 @@
 """Messages in every dialect: what is written is read again, and the official schemas find no fault."""
 
 import json
+import math
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -229,3 +230,11 @@ def test_a_state_is_sent_when_something_changes_and_else_every_thirty_seconds() 
     assert topics(32.0, driving=False) == ["connection", "factsheet", "state"]
     vehicle.order(FULL_ORDER)
     assert topics(33.0, driving=False) == ["state"]
+
+
+@pytest.mark.parametrize("theta", [math.pi, -math.pi, 3.14158, -3.14158, 3.1])
+def test_no_angle_is_rounded_beyond_half_a_turn(theta):
+    """Validators of 2.0 drop messages of cars that drive west else, a few in a run on wheels."""
+    rounded = sight(theta=theta).position()["theta"]
+    assert abs(rounded) <= 3.14159265359
+    assert rounded == pytest.approx(theta, abs=1e-4)

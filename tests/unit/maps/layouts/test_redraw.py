@@ -12,7 +12,7 @@ from scipy.spatial import Delaunay
 from maps.layouts.layout import FloorLayout, LayoutEdge, LayoutError, LayoutNode, LayoutStation
 from maps.layouts.opentcs import read_opentcs
 from maps.layouts.redraw import redrawn
-from maps.layouts.rmf_building import read_building
+from maps.layouts.rmf.building import read_building
 from maps.layouts.to_site import site_of_layout
 
 INSTANCES = Path(os.environ.get("FLEET_INSTANCES", Path(__file__).parents[5] / "shared" / "instances")) / "interop"

@@ -1,7 +1,9 @@
 """Layouts from elsewhere become sites where they lie on a grid, and say what was changed."""
 
 import json
+import math
 import os
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,8 +15,8 @@ from maps.layouts.formats import LAYOUT_FORMATS
 from maps.layouts.from_site import layout_of_cells, layout_of_states
 from maps.layouts.layout import FloorLayout, LayoutEdge, LayoutError, LayoutNode, LayoutStation, one_level
 from maps.layouts.lif import read_lif, write_lif
-from maps.layouts.rmf_building import navigation_graphs
-from maps.layouts.rmf_graph import read_graph
+from maps.layouts.rmf.building import navigation_graphs
+from maps.layouts.rmf.graph import read_graph
 from maps.layouts.to_site import site_of_layout
 from maps.orientation import path_lengths
 from maps.site import load_site
@@ -290,10 +292,60 @@ levels:
     assert [(vertex.x, vertex.y) for vertex in graphs[0].levels["L1"].vertices] == [(0.0, 0.0), (2.0, 0.0)]
 
 
-def test_coordinates_of_the_earth_are_refused():
-    pytest.importorskip("yaml", reason="the formats of Open-RMF need the extra rmf")
-    with pytest.raises(LayoutError, match="coordinate_system is 'wgs84'; valid: one of reference_image"):
-        navigation_graphs("coordinate_system: wgs84\nlevels: {L1: {}}\n", "file")
+EARTH = """
+coordinate_system: {system}
+name: b
+parameters: {{generate_crs: [1, "{plane}"]}}
+levels: {{L1: {{vertices: [[{x}, {y}, 0, a], [{x}, 0, 0, b]], lanes: [[0, 1, {{graph_idx: [2, 0]}}]]}}}}
+"""
+ORIGIN = 103 + 50 / 60, 1 + 22 / 60
+"""Longitude and latitude of the origin of Singapore's plane, EPSG:3414 [deg]."""
+EAST_M, NORTH_M = 28001.642, 38744.572
+"""What its definition says is there, https://epsg.io/3414."""
+
+
+def earth(system: str, x: float, y: float, plane: str = "EPSG:3414") -> str:
+    for package in ("yaml", "pyproj"):
+        pytest.importorskip(package, reason="the formats of Open-RMF need the extra rmf")
+    return EARTH.format(system=system, x=x, y=y, plane=plane)
+
+
+@pytest.mark.parametrize("system", ["wgs84", "web_mercator"])
+def test_places_on_the_earth_are_in_the_plane_that_the_file_names(system):
+    longitude, latitude = ORIGIN
+    x, y = longitude, latitude
+    if system == "web_mercator":
+        x = 128 + 128 * longitude / 180
+        y = 128 - 128 / math.pi * math.asinh(math.tan(math.radians(latitude)))
+    vertex = navigation_graphs(earth(system, x, y), "file")[0].levels["L1"].vertices[0]
+    assert (vertex.x, vertex.y) == pytest.approx((EAST_M, NORTH_M), abs=1e-3)
+
+
+def test_a_plane_in_feet_becomes_metres_and_x_is_always_east():
+    """State planes of the USA are in feet, and their first axis is east."""
+    text = earth("wgs84", -74.0, 40 + 10 / 60, "EPSG:2263")  # its origin, at 984250 feet east
+    vertex = navigation_graphs(text, "file")[0].levels["L1"].vertices[0]
+    assert (vertex.x, vertex.y) == pytest.approx((300000.0, 0.0), abs=2.0)
+
+
+@pytest.mark.parametrize(
+    ("system", "y", "plane", "said"),
+    [
+        ("wgs85", 1.3, "EPSG:3414", "coordinate_system is 'wgs85'; valid: one of reference_image, cartesian_meters, "),
+        ("wgs84", 1.3, "EPSG:99", "parameters.generate_crs is 'EPSG:99'; valid: a projected coordinate"),
+        ("wgs84", 1.3, "EPSG:4326", "parameters.generate_crs is 'EPSG:4326', which is no plane; valid: a projected"),
+        ("wgs84", 91.0, "EPSG:3414", "levels.L1.vertices[0] is at [103.8, 91.0]; valid: a place in the plane"),
+    ],
+)
+def test_places_that_are_in_no_plane_are_refused(system, y, plane, said):
+    with pytest.raises(LayoutError, match=re.escape(said)):
+        navigation_graphs(earth(system, 103.8, y, plane), "file")
+
+
+def test_a_map_of_the_earth_has_to_name_its_plane():
+    text = earth("wgs84", 103.8, 1.3).replace("generate_crs", "crs")
+    with pytest.raises(LayoutError, match=r"generate_crs is None; valid: the plane .* such as \[1, EPSG:3414\]"):
+        navigation_graphs(text, "file")
 
 
 def test_a_site_knows_where_its_cells_are():

@@ -11,16 +11,21 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Annotated, Any
 
-from maps.layouts.fields import Coordinate, FormatFields, read_fields
+from pydantic import Field
+
+from maps.layouts.fields import FormatFields, read_fields
 from maps.layouts.from_site import layout_of_cells
 from maps.layouts.layout import FloorLayout, LayoutEdge, LayoutError, LayoutNode, LayoutStation, Use, checked_layout
-from maps.layouts.rmf_yaml import dump_yaml, parse_yaml
+from maps.layouts.rmf.yaml_file import dump_yaml, parse_yaml
 from maps.reading.shown import shown
 from maps.site import Site
 
 _VALID = "a navigation graph of Open-RMF, YAML with levels, each with vertices and lanes"
+_PLANE_M = 2.1e7
+"""Greatest coordinate: those of maps of the earth are in its planes, which count from far away [m]."""
+_PlaneCoordinate = Annotated[float, Field(allow_inf_nan=False, ge=-_PLANE_M, le=_PLANE_M)]
 _BACKWARD, _FORWARD = "backward", "forward"
 _STATIONS: dict[str, Use] = {"pickup_dispenser": "pick", "dropoff_ingestor": "drop"}
 
@@ -70,8 +75,8 @@ class _Facts(FormatFields):
 
 
 class _Point(FormatFields):
-    x: Coordinate
-    y: Coordinate
+    x: _PlaneCoordinate
+    y: _PlaneCoordinate
 
 
 class _Lane(FormatFields):

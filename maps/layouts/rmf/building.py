@@ -1,7 +1,8 @@
 """Building maps of Open-RMF, as its traffic editor draws them, and the navigation graphs that follow from them.
 
-Coordinates are pixels with y down. The reference level gets its scale from measurements, every other level its scale,
-rotation and place from the fiducials that both have. A lane belongs to one of the graphs 0 to 8.
+Coordinates are pixels with y down, metres, or places on the earth. In pixels, the reference level gets its scale from
+measurements, every other level its scale, rotation and place from the fiducials that both have. Places on the earth are
+projected to the plane that the file names. A lane belongs to one of the graphs 0 to 8.
 
 Source: Open-RMF, rmf_building_map_tools, https://github.com/open-rmf/rmf_traffic_editor: what its navigation graphs
 hold was read there, and compared with the graphs that it made of public maps.
@@ -10,7 +11,7 @@ hold was read there, and compared with the graphs that it made of public maps.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from itertools import combinations
 from types import MappingProxyType
@@ -22,15 +23,19 @@ import numpy.typing as npt
 from maps.layouts.fields import FormatFields, read_fields
 from maps.layouts.from_site import layout_of_cells
 from maps.layouts.layout import FloorLayout, LayoutError
-from maps.layouts.rmf_graph import NavGraph, NavLane, NavLevel, NavVertex, graph_of_layout, layout_of_graph
-from maps.layouts.rmf_yaml import dump_yaml, parse_yaml
+from maps.layouts.rmf.graph import NavGraph, NavLane, NavLevel, NavVertex, graph_of_layout, layout_of_graph
+from maps.layouts.rmf.projection import Projection
+from maps.layouts.rmf.yaml_file import dump_yaml, parse_yaml
 from maps.reading.shown import shown
 from maps.site import Site
 
 Floats = npt.NDArray[np.float64]
+Frame = Callable[[Floats], Floats]
+"""From the places of a level in the file to metres, shape (n, 2) each."""
 
 _VALID = "a building map of Open-RMF, YAML with levels, each with vertices and lanes"
-_SYSTEMS = ("reference_image", "cartesian_meters")
+_PIXELS, _METRES, _DEGREES, _TILES = "reference_image", "cartesian_meters", "wgs84", "web_mercator"
+_SYSTEMS = (_PIXELS, _METRES, _DEGREES, _TILES)
 _N_GRAPHS = 9
 _PARALLEL = 0.01
 """Smaller determinants are those of parallel lines [pixels^2]."""
@@ -175,34 +180,53 @@ def navigation_graphs(text: str, where: str) -> dict[int, NavGraph]:
         Graphs that have a lane, by their number.
 
     Raises:
-        LayoutError: It is no YAML, malformed, or in coordinates of the earth.
+        LayoutError: It is no YAML, malformed, or on the earth with no plane to project it to.
     """
     content = parse_yaml(text, where, valid=_VALID)
-    system = content.get("coordinate_system", _SYSTEMS[0])
+    system = content.get("coordinate_system", _PIXELS)
     if system not in _SYSTEMS:
         raise LayoutError(f"{where}: coordinate_system is {shown(system)}; valid: one of {', '.join(_SYSTEMS)}")
     levels = content.get("levels")
     if not isinstance(levels, dict) or not levels:
         raise LayoutError(f"{where}: levels is {shown(levels)}; valid: {_VALID}")
-    down = -1.0 if system == _SYSTEMS[0] else 1.0
+    down = -1.0 if system == _PIXELS else 1.0
     drawings = {str(name): _drawing(level, down, f"{where}: levels.{name}") for name, level in levels.items()}
     reference = str(content.get("reference_level_name", next(iter(drawings))))
     if reference not in drawings:
         raise LayoutError(f"{where}: reference_level_name is {reference!r}; valid: one of {', '.join(drawings)}")
-    frames = {name: _Frame(scale=1.0) for name in drawings}
-    if system == _SYSTEMS[0]:
-        frames[reference] = _Frame(scale=_scale(drawings[reference]))
+    frames: dict[str, Frame] = dict.fromkeys(drawings, _Frame(scale=1.0))
+    if system in (_DEGREES, _TILES):
+        frames = dict.fromkeys(drawings, _plane(content, where))
+    if system == _PIXELS:
+        scale = _scale(drawings[reference])
+        frames[reference] = _Frame(scale=scale)
         for name, drawing in drawings.items():
             if name != reference:
-                frames[name] = _aligned(drawing, drawings[reference], frames[reference].scale)
+                frames[name] = _aligned(drawing, drawings[reference], scale)
     cabins = _cabins(content.get("lifts") or {}, drawings, frames, reference, down, where)
     building = str(content.get("building_name", content.get("name", "building")))
     graphs = {}
     for number in range(_N_GRAPHS):
-        made = {name: _nav_level(d, frames[name], cabins[name], number) for name, d in drawings.items()}
+        made = {
+            name: _nav_level(d, frames[name], cabins[name], number, f"{where}: levels.{name}")
+            for name, d in drawings.items()
+        }
         if any(level.lanes for level in made.values()):
             graphs[number] = NavGraph(building=building, levels=made)
     return graphs
+
+
+def _plane(content: dict[str, Any], where: str) -> Projection:
+    """The projection to the plane that a file names."""
+    parameters = content.get("parameters") or {}
+    named = parameters.get("generate_crs") if isinstance(parameters, dict) else None
+    if not isinstance(named, list) or len(named) != 2 or not isinstance(named[1], str):
+        raise LayoutError(
+            f"{where}: parameters.generate_crs is {shown(named)}; valid: the plane that places on the earth are "
+            "projected to, such as [1, EPSG:3414]"
+        )
+    tiles = content["coordinate_system"] == _TILES
+    return Projection(named[1], tiles=tiles, where=f"{where}: parameters.generate_crs")
 
 
 def _drawing(content: Any, down: float, where: str) -> _Drawing:
@@ -287,7 +311,7 @@ def _aligned(drawing: _Drawing, reference: _Drawing, scale: float) -> _Frame:
 
 
 def _cabins(
-    lifts: Any, drawings: Mapping[str, _Drawing], frames: Mapping[str, _Frame], reference: str, down: float, where: str
+    lifts: Any, drawings: Mapping[str, _Drawing], frames: Mapping[str, Frame], reference: str, down: float, where: str
 ) -> dict[str, dict[str, Floats]]:
     """Corners of the lifts that stop at each level [m], shape (4, 2) each."""
     found: dict[str, dict[str, Floats]] = {name: {} for name in drawings}
@@ -308,7 +332,7 @@ def _cabins(
     return found
 
 
-def _nav_level(drawing: _Drawing, frame: _Frame, cabins: Mapping[str, Floats], number: int) -> NavLevel:
+def _nav_level(drawing: _Drawing, frame: Frame, cabins: Mapping[str, Floats], number: int, where: str) -> NavLevel:
     """The part of a level that belongs to a graph: vertices of its lanes in the order in which lanes name them."""
     lanes = [row for row in drawing.lanes if row.facts.get("graph_idx", 0) == number]
     order: dict[int, int] = {}
@@ -318,6 +342,11 @@ def _nav_level(drawing: _Drawing, frame: _Frame, cabins: Mapping[str, Floats], n
     xy = frame(drawing.xy) if len(drawing.xy) else drawing.xy
     vertices = []
     for k in order:
+        if not np.isfinite(xy[k]).all():
+            raise LayoutError(
+                f"{where}.vertices[{k}] is at {shown(drawing.xy[k].tolist())}; valid: a place in the plane of "
+                "generate_crs, as longitude and latitude in degrees"
+            )
         facts: dict[str, Any] = {"name": drawing.vertices[k].name, **drawing.vertices[k].facts}
         lift = next((name for name, corners in cabins.items() if _within(xy[k], corners)), None)
         if lift is not None:

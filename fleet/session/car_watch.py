@@ -1,48 +1,62 @@
-"""YardWatch: turns the state of a yard into frames of a recording."""
+"""CarWatch: turns the state of a run of cars alone, without arms and parcels, into frames of a recording."""
 
 from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 
+from fleet.arrays import FloatArray
 from fleet.recording import DrawnFloor, Frame, Header, RerunRecorder, versions
-from fleet.yard.run import YardRun
-from maps.yard import KINDS
+from fleet.world.protocol import World
+from fleet.world.scene import Scene
 
 _LINES_S = 0.2
 """Between looks at ways and words [s]."""
 
 
-class YardWatch:
-    """Writes a recording of a yard, until it is closed.
+class CarRun(Protocol):
+    """A run of cars alone."""
+
+    scene: Scene
+    world: World
+
+    @property
+    def ticks(self) -> int:
+        """Control periods so far."""
+
+    @property
+    def time_s(self) -> float:
+        """Simulated time so far [s]."""
+
+    @property
+    def deliveries(self) -> int:
+        """Times that a car has set down."""
+
+    @property
+    def car_words(self) -> tuple[str, ...]:
+        """What each car is about, in the words of the time accounts."""
+
+    def ways(self) -> tuple[tuple[FloatArray, ...], tuple[FloatArray, ...]]:
+        """Line of every car that is granted, and what is planned beyond [m], shape (k, 2) each."""
+
+
+class CarWatch:
+    """Writes a recording of a run, until it is closed.
 
     Args:
         run: The run.
+        floor: What is drawn beside its scene.
         path: File to write; replaced if it exists.
 
     Raises:
         RecordingError: The file cannot be opened.
     """
 
-    def __init__(self, run: YardRun, path: Path) -> None:
+    def __init__(self, run: CarRun, floor: DrawnFloor, path: Path) -> None:
         self._run = run
-        yard, car = run.yard, run.scene.car
-        middle = 0.5 * (car.front_m - car.rear_m)
-        ahead = np.column_stack((np.cos(yard.spots[:, 2]), np.sin(yard.spots[:, 2])))
-        bays = yard.spots[:, :2] + middle * ahead
-        # A name for each kind, beyond the spot in the middle of those.
-        in_the_middle = [int(spots[len(spots) // 2]) for spots in (yard.picks, yard.drops)]
-        wall = bays[in_the_middle] + ahead[in_the_middle]
-        floor = DrawnFloor(
-            name=yard.name,
-            lanes=np.empty((0, 2, 2)),
-            station_names=KINDS,
-            station_xy=wall,
-            dock_xy=bays[in_the_middle],
-            parking_xy=bays,
-        )
         header = Header(scene=run.scene, floor=floor, about={"cars": len(run.scene.car_start), **versions()})
         self._recorder = RerunRecorder(path, header, tick_s=run.world.tick_s)
         self._looked_s = -math.inf

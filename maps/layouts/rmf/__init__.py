@@ -1,0 +1,1 @@
+"""Formats of Open-RMF: navigation graphs, and the building maps that they are made of."""
