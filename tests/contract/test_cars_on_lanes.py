@@ -129,10 +129,7 @@ def test_a_car_keeps_to_its_lanes_and_limits_and_stands_where_it_should(name: st
     assert done.excess <= 1e-6
 
 
-LATE = pytest.mark.xfail(strict=True, reason="3.6 to 4.8 % later in physics: its response was not fitted yet")
-
-
-@pytest.mark.parametrize("name", [pytest.param(name, marks=LATE) if name == "lifter" else name for name in CARS])
+@pytest.mark.parametrize("name", CARS)
 def test_both_worlds_arrive_at_the_same_times(name: str) -> None:
     physics, kinematic = driven(name, Fidelity.PHYSICS), driven(name, Fidelity.KINEMATIC)
     same = np.array([one == other for one, other in zip(physics.ways, kinematic.ways, strict=True)])

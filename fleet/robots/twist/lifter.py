@@ -76,7 +76,8 @@ def lifter_spec() -> TwistSpec:
             lever_m=SKID.lever_m,
             max_lateral_mps2=0.2,
         ),
-        response=TwistResponse(speed_gain=1.0, speed_lag_s=0.05, yaw_gain=1.0, yaw_lag_s=0.04),
+        # Fitted: python -m fleet robots fit lifter
+        response=TwistResponse(speed_gain=1.0, speed_lag_s=0.014, yaw_gain=0.998, yaw_lag_s=0.009),
         visuals=_visuals(),
         sources={
             "mass_kg": _OWN,
