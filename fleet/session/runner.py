@@ -33,6 +33,7 @@ from fleet.safety.breach import InvariantError
 from fleet.safety.check import SafetyCheck
 from fleet.session.engine_window import Display
 from fleet.session.frames import Watch, open_recorder
+from fleet.session.planning_time import PlanningTime
 from fleet.session.progress import Progress
 from fleet.session.trace import Tracer
 from fleet.simulation import Simulation
@@ -200,6 +201,7 @@ class _Course:
 
     wall_s: float
     first_move_s: float | None
+    planning: PlanningTime
     error: Exception | None
     """What broke it off."""
 
@@ -224,6 +226,8 @@ def _loop(simulation: Simulation, watched: _Watched, pace: Pace, started: float,
     error: Exception | None = None
     window = getattr(simulation.world, "window", None)
     display = None if window is None else Display(simulation.view, window, pace)
+    planning = PlanningTime()
+    simulation.traffic.call = planning.of
     begin = time.perf_counter()
     pace.change(pace.speed, simulation.sim_s)
     gc.freeze()  # what is there lives as long as the run: the collector need not look through it again and again
@@ -243,7 +247,7 @@ def _loop(simulation: Simulation, watched: _Watched, pace: Pace, started: float,
         error = reason
     finally:
         gc.unfreeze()
-    return _Course(wall_s=time.perf_counter() - begin, first_move_s=first_move_s, error=error)
+    return _Course(wall_s=time.perf_counter() - begin, first_move_s=first_move_s, planning=planning, error=error)
 
 
 def _result(simulation: Simulation, course: _Course, run: str, *, interrupted: bool) -> Result:
@@ -253,8 +257,8 @@ def _result(simulation: Simulation, course: _Course, run: str, *, interrupted: b
         wall_s=round(course.wall_s, 3),
         real_time_factor=round(simulation.sim_s / course.wall_s, 3) if course.wall_s > 0 else 0.0,
         first_move_s=course.first_move_s,
-        planner_ms_mean=simulation.traffic.planning.mean_ms,
-        planner_ms_max=simulation.traffic.planning.longest_ms,
+        planner_ms_mean=course.planning.mean_ms,
+        planner_ms_max=course.planning.longest_ms,
         run=run,
         seed=config.seed,
         site=simulation.site.name,

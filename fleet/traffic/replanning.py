@@ -17,7 +17,6 @@ from fleet.traffic.executor import Executor
 from fleet.traffic.floor_distances import FloorDistances
 from fleet.traffic.head_on import HeadOn
 from fleet.traffic.open_lanes import OpenLanes
-from fleet.traffic.planning_time import PlanningTime
 from fleet.traffic.single_file import SingleFile
 from fleet.traffic.tides import Tides
 from maps.lane_graph import LaneGraph
@@ -66,6 +65,10 @@ class _Pending:
     """Cars that could not move when it was asked for."""
     plan: Callable[[], Plan]
     """Waits for the plan, if it is still being made."""
+
+
+def _plain(plan: Callable[[], Plan]) -> Plan:
+    return plan()
 
 
 class Traffic:
@@ -125,7 +128,8 @@ class Traffic:
         self.n_ways = 0
         """Grows whenever ways cost something else."""
         self.n_plans = 0
-        self.planning = PlanningTime()
+        self.call: Callable[[Callable[[], Plan]], Plan] = _plain
+        """By which the planner is called, in whichever thread; others may watch the calls."""
         self.priorities = np.zeros(n_cars)
         """What the last request ranked the cars by, the greatest first to go."""
         self._seed = seed
@@ -384,6 +388,6 @@ class Traffic:
         if planner is not None and len(starts) >= THREAD_CARS and self.ways.keeps_all:
             if self._thread is None:
                 self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix="fleet-plan")
-            return self._thread.submit(self.planning.of, planner.begin(instance, self.ways, deadline)).result
-        plan = self.planning.of(lambda: self._planner.plan(instance, self.ways, deadline))
+            return self._thread.submit(self.call, planner.begin(instance, self.ways, deadline)).result
+        plan = self.call(lambda: self._planner.plan(instance, self.ways, deadline))
         return lambda: plan

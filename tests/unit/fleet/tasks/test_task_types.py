@@ -64,7 +64,7 @@ def test_visits(read: Read, item: dict[str, object], errands: tuple[tuple[str, .
 
 def test_every_type_is_tried_here() -> None:
     tried = {str(item["type"]) for item, *_ in ERRANDS}
-    assert tried | {"delivery", "multi_stop"} == set(TASK_TYPES)
+    assert tried | {"delivery", "multi_stop", "pod"} == set(TASK_TYPES)
 
 
 def test_a_place_has_one_name_however_it_is_written(small_site: Site, read: Read) -> None:

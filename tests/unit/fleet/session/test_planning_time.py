@@ -4,7 +4,7 @@ import time
 
 import numpy as np
 
-from fleet.traffic.planning_time import PlanningTime
+from fleet.session.planning_time import PlanningTime
 from planners.mapf.problem import Plan, Status
 
 PLAN = Plan(states=np.zeros((1, 1), dtype=np.int32), status=Status.FEASIBLE, iterations=1)
