@@ -41,12 +41,12 @@ def _require_ways(site: Site, graph: LaneGraph, kind: CarSpec) -> None:
     moves = coo_array((np.ones(graph.n_moves, dtype=np.int8), ends), shape=(graph.n_states, graph.n_states))
     part_of = connected_components(moves, directed=True, connection="strong")[1]
     largest = int(np.bincount(part_of).argmax())
-    places = [(f"the parking place at {site.grid.words(cell)}", cell) for cell in site.parking]
     if kind.lifts is None:
-        places += [(f"station {station.name}", station.dock.cell) for station in site.stations]
+        places = [(f"station {station.name}", station.dock.cell) for station in site.stations]
     else:
-        places += [(f"the storage place at {site.grid.words(cell)}", cell) for cell in site.storage]
-    for name, cell in places:
+        places = [(f"the storage place at {site.grid.words(cell)}", cell) for cell in site.storage]
+    parking = [(f"the parking place at {site.grid.words(cell)}", cell) for cell in site.parking]
+    for name, cell in (*places, *parking):
         states = graph.states_of_cell(cell)
         if not (part_of[states] == largest).any():
             length_m, width_m = kind.front_m + kind.rear_m, 2 * kind.half_width_m

@@ -599,7 +599,8 @@ def test_lidar_sees_the_same_in_both_worlds(make: Callable[..., WarehouseEnv]) -
     for _ in range(40):
         seen = [env.step({f"car_{k}": np.array([0.2 * k, 0.3]) for k in range(3)})[0] for env in envs]
         poses = [env.simulation.world.car_poses() for env in envs]
-        ring, world = envs[1]._now().observer._ring, envs[0].simulation.world
+        ((_, ring),) = envs[1]._now().observer._rings
+        world = envs[0].simulation.world
         # The same poses in both: those of the physical cars.
         world._cars.poses[:] = poses[1]
         origins, ends = ring.rays(poses[1])
