@@ -123,7 +123,7 @@ class Interventions:
         elif task is not None and task.lifted:
             self._visits.set_off_again(car, task, tick, now_s)
         else:
-            stays = (self._inventory.tray_is_loaded(car) and not missions.aboard[car]) or self._visits.keeps_pod(car)
+            stays = self._keeps_load(car) and not missions.aboard[car]
             missions.enter(car, CarPhase.RETIRED if stays else CarPhase.IDLE)
         missions.changed = True
 
@@ -141,9 +141,13 @@ class Interventions:
         """Let a car that has left service as planned come back."""
         missions = self._missions
         missions.leaving.pop(car, None)
-        if missions.phase[car] is CarPhase.RETIRED and not self._inventory.tray_is_loaded(car):
+        if missions.phase[car] is CarPhase.RETIRED and not self._keeps_load(car):
             missions.enter(car, CarPhase.IDLE)
             missions.changed = True
+
+    def _keeps_load(self, car: int) -> bool:
+        """Whether a car has a parcel in its tray or a pod on its plate."""
+        return self._inventory.tray_is_loaded(car) or self._visits.keeps_pod(car)
 
     def close_station(self, arm: int, now_s: float, why: str, *, for_good: bool) -> None:
         """Let no more cars come to a station; those that have booked it are served, unless its arm cannot."""

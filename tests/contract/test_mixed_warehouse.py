@@ -363,6 +363,7 @@ def test_in_transfer_the_cars_are_those_of_the_classical_fleet(make: Callable[..
         ("wide", {"cars": "husky:2", "n_cars": 3}, r"cars is 'husky:2'; valid: 3 cars, which n_cars"),
         ("wide", {"cars": "husky:2", "n_cars": 1, "classical_cars": 0}, r"cars is 'husky:2'; valid: 1 cars"),
         ("cell", {"cars": "husky:1"}, r"model husky: its body of 0.99 x 0.69 m, which turns on the spot, fits no lane"),
+        ("wide", {"cars": "racecar:1,lifter:1"}, r"cars is .*; valid: models that come to docks, unlike lifter"),
         ("wide", {"cars": "husky:1", "fidelity": "mixed"}, r"fidelity is 'mixed'; valid: kinematic or physics"),
         ("wide", {"cars": "a1:1", "fidelity": "physics"}, r"physics_hz is 240.0; valid: 120, for cars on legs \(a1\)"),
         ("unlike", {"cars": "racecar:1", "arm_action": "pose"}, r"arm_action is 'pose'; valid: joint, tip, residual"),

@@ -11,6 +11,7 @@ import pytest
 from fleet.config import ArmConfig, CarConfig, Fidelity, RunConfig
 from fleet.dispatch.interventions import CannotCancel, CannotRequeue
 from fleet.errors import ConfigError
+from fleet.missions.phases import CarPhase
 from fleet.run.events import Event
 from fleet.run.setup import RunSetup
 from fleet.simulation import Simulation
@@ -151,6 +152,18 @@ def test_a_pod_on_a_dead_car_is_lost_and_others_are_not(make: Make) -> None:
         assert of["b"].state is TaskState.DONE
 
 
+def test_a_car_that_comes_back_with_a_pod_takes_no_other(make: Make) -> None:
+    """It drove into the next one with the first one on its plate."""
+    with make(FOUR[0], FOUR[1], models=("lifter",)) as simulation:
+        car = until_lifted(simulation, "a")
+        simulation.lose_car(car, "test")
+        simulation.missions.enter(car, CarPhase.RETIRED)  # as repairs leave it
+        interventions = simulation.dispatcher.rules.interventions
+        interventions.take_out(car, simulation.sim_s, for_good=False)
+        interventions.bring_back(car)
+        assert simulation.missions.phase[car] is CarPhase.RETIRED
+
+
 def test_why_tells_that_a_car_lifts_a_pod_or_sets_it_down(make: Make) -> None:
     with make(FOUR[0], fidelity=Fidelity.KINEMATIC, models=("lifter",)) as simulation:
         said = set()
@@ -162,13 +175,15 @@ def test_why_tells_that_a_car_lifts_a_pod_or_sets_it_down(make: Make) -> None:
         assert any(words in sentence for sentence in said), (words, said)
 
 
-def test_parcels_go_to_other_cars_than_pods(make: Make) -> None:
+@pytest.mark.parametrize("models", [("racecar", "racecar", "lifter"), ("lifter", "racecar", "racecar")])
+def test_parcels_go_to_other_cars_than_pods(make: Make, models: tuple[str, ...]) -> None:
     parcels = tuple(f"p{k},0,delivery,,,,pick_1,drop_1,0.3,0.06," for k in range(2))
-    with make(FOUR[0], *parcels, models=("racecar", "racecar", "lifter")) as simulation:
+    with make(FOUR[0], *parcels, models=models) as simulation:
         simulation.run()
         of = {task.order.name: task for task in simulation.board.tasks}
-        assert of["a"].car == 2
-        assert {of["p0"].car, of["p1"].car} <= {0, 1}
+        carrier = models.index("lifter")
+        assert of["a"].car == carrier
+        assert carrier not in {of["p0"].car, of["p1"].car}
         assert of["a"].state is TaskState.DONE
         assert all(of[f"p{k}"].state in (TaskState.DELIVERED, TaskState.COLLECTED) for k in range(2))
 

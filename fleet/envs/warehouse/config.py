@@ -336,6 +336,8 @@ class WarehouseConfig(RecordedEnvConfig):
         models = CarModels.named(self._models)
         if len(models.kinds) == 1 and models.kinds[0].name == USUAL_MODEL:
             return
+        carriers = ", ".join(kind.name for kind in models.kinds if kind.lifts is not None)
+        require(not carriers, "cars", self.cars, f"models that come to docks, unlike {carriers}")
         valid = "kinematic or physics for cars of several models, or that do not steer"
         alike = len(models.kinds) == 1 and models.kinds[0].steers
         require(alike or self.fidelity != Fidelity.MIXED, "fidelity", self.fidelity, valid)

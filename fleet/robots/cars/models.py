@@ -43,7 +43,8 @@ class CarModels:
         for car, name in enumerate(names):
             if name not in CARS:
                 raise ConfigError(f"car_{car}: model is {name!r}; valid: {', '.join(CARS)}")
-        kinds = list(dict.fromkeys(names))
+        # Rules know the places of the first kind, and carriers of pods do not come to docks: they are the last.
+        kinds = sorted(dict.fromkeys(names), key=lambda name: CARS[name].spec().lifts is not None)
         kind_of = np.array([kinds.index(name) for name in names], dtype=np.int64)
         return CarModels(kinds=tuple(CARS[name].spec() for name in kinds), kind_of=kind_of)
 
