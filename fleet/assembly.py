@@ -336,6 +336,12 @@ def _orders(
     )
     payload_kg = max(ability.max_payload_kg for ability in abilities)
     require(
+        not all(LIFT in ability.capabilities for ability in abilities),
+        "--cars",
+        ", ".join(kind.name for kind in setup.scene.cars.kinds),
+        "a model beside those that carries parcels, or --orders with pods",
+    )
+    require(
         payload_kg >= MAX_GENERATED_KG,
         "payload of the cars",
         payload_kg,

@@ -187,7 +187,7 @@ class Recovery:
         run.events.log("car_lost", car=f"car_{car}", cause=reason)
 
     def revive(self, car: int, by: str) -> None:
-        """A dead car is alive again, without what lay in its tray: it comes back to its lane and into service.
+        """A dead car is alive again, with nothing in its tray or on its plate: it comes back into service.
 
         Args:
             car: The car; it stays dead as long as anything else keeps it so.
@@ -200,6 +200,7 @@ class Recovery:
         wreck, paths = self._wrecks.pop(car), run.driver.paths
         run.inventory.empty_tray(car)
         run.traffic.set_alive(car)
+        run.visits.bring_pod_home(car)
         run.events.log("car_revived", car=f"car_{car}")
         run.missions.enter(car, CarPhase.RECOVERING)
         if paths is None:
@@ -210,7 +211,10 @@ class Recovery:
         self._rejoining[car] = _Rejoin(stage=_Stage.STOPPING, still_since=run.now)
 
     def tow(self, car: int) -> bool:
-        """Pull a dead car to the nearest free parking place, without what lies in its tray; False if there is none."""
+        """Pull a dead car to the nearest free parking place, without what lies in its tray or on its plate.
+
+        Returns False if there is none, or something stands where its pod belongs.
+        """
         run = self._run
         wreck = self._wrecks.get(car)
         if wreck is None or wreck.pose is None or wreck.halted or run.services.is_served(car):
@@ -221,7 +225,7 @@ class Recovery:
             for s in run.places.parking
             if held[graph.state_cell[s]] < 0 and not run.traffic.blocked[graph.state_cell[s]]
         ]
-        if not free:
+        if not free or not run.visits.bring_pod_home(car):
             return False
         offset = graph.state_pose[free, :2] - wreck.pose[:2]
         state = free[int(np.argmin(np.hypot(*offset.T)))]

@@ -46,6 +46,7 @@ class Pods:
         self._cells: list[int] = graph.state_cell[list(places.storage)].tolist()
         self._homes = graph.state_pose[list(places.storage)]
         self._numbers = {f"pod_{k}": k - 1 for k in range(1, len(self._cells) + 1)}
+        self._lost: dict[int, int] = {}  # cars that have given up pods which they had begun to lift, by pod
         self._closed = [False] * len(self._cells)
         self._blocked = [False] * len(self._cells)
 
@@ -63,17 +64,37 @@ class Pods:
 
     def why_lost(self, task: Task) -> str:
         """Why nobody will ever fetch the pod of a visit; empty if somebody may."""
-        pod = self.number(task)
-        if self._lifts is None or pod < 0 or task.lifted:
-            return ""
-        car = int(self._lifts.carried_by()[pod])
-        if car == NO_CAR or any(other.car == car and self.number(other) == pod for other in self._tasks()):
-            return ""
-        return f"{task.visit.pod if task.visit else ''} is on car_{car}, which has given it up"
+        car = self._lost.get(self.number(task))
+        return "" if car is None else f"{task.visit.pod if task.visit else ''} is on car_{car}, which has given it up"
 
-    def carries(self, car: int) -> bool:
-        """Whether a car has a pod on its plate."""
-        return self._lifts is not None and car in self._lifts.carried_by()
+    def give_up(self, car: int, task: Task) -> None:
+        """Leave a pod that was begun to be lifted on its car, wherever the plate comes to rest."""
+        self._lost[self.number(task)] = car
+
+    def keeps(self, car: int) -> bool:
+        """Whether a car has a pod that it has given up."""
+        return car in self._lost.values()
+
+    def bring_home(self, car: int) -> bool:
+        """Let people take the pod that a car has given up back to its place; False if something else is there."""
+        pod = next((pod for pod, loser in self._lost.items() if loser == car), None)
+        if pod is None or self._lifts is None:
+            return True
+        cell, executor = self._cells[pod], self._traffic.executor
+        holder, wreck = executor.dependencies.holders()[cell], self._traffic.wreck_of[cell]
+        blocked = executor.n_walkers[cell] or (self._traffic.blocked[cell] and wreck != car)
+        if blocked or holder not in (NO_CAR, car):
+            return False
+        self._lifts.put(pod, self._homes[pod])
+        del self._lost[pod]
+        self._log("pod_brought_home", car=f"car_{car}", pod=f"pod_{pod + 1}")
+        return True
+
+    def stands_in(self, cell: int) -> bool:
+        """Whether a pod stands in a cell."""
+        if self._lifts is None or cell not in self._cells:
+            return False
+        return bool(self._lifts.carried_by()[self._cells.index(cell)] == NO_CAR)
 
     def tick(self) -> None:
         """Close and block the cells of pods that nobody fetches."""
@@ -81,7 +102,7 @@ class Pods:
             return
         fetched = {self.number(task) for task in self._tasks() if task.n_errands_done > 0}
         for pod, cell in enumerate(self._cells):
-            if self._blocked[pod] or pod in fetched or self._lifts.carried_by()[pod] != NO_CAR:
+            if self._blocked[pod] or pod in fetched or pod in self._lost or self._lifts.carried_by()[pod] != NO_CAR:
                 continue
             self._closed[pod] = self._closed[pod] or self._traffic.executor.close_if_free(cell)
             if self._closed[pod] and self._traffic.executor.is_free(cell):

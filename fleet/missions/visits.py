@@ -116,7 +116,15 @@ class Visits:
 
     def keeps_pod(self, car: int) -> bool:
         """Whether a car without a task has a pod on its plate."""
-        return self._pods.carries(car)
+        return self._pods.keeps(car)
+
+    def bring_pod_home(self, car: int) -> bool:
+        """Let people take the pod from a car that has given it up back to its place; False if they cannot."""
+        return self._pods.bring_home(car)
+
+    def pod_stands_in(self, cell: int) -> bool:
+        """Whether a pod stands in a cell."""
+        return self._pods.stands_in(cell)
 
     def set_off_again(self, car: int, task: Task, tick: int, now_s: float) -> None:
         """Let a car go on with the visit that it has, from where it has come back to its lane."""
@@ -128,6 +136,8 @@ class Visits:
     def give_up(self, car: int, task: Task, now_s: float, reason: str) -> None:
         """End a visit in vain; a car that has lifted a pod for it keeps the pod, and takes no other task."""
         pod = task.visit.pod if task.visit is not None and task.lifted else ""
+        if pod:
+            self._pods.give_up(car, task)
         text = f"{reason}; {pod} stays on car_{car}" if pod else reason
         self._missions.board.move(task, TaskState.FAILED, now_s, text)
         self._missions.release(car, CarPhase.RETIRED if pod else CarPhase.IDLE)
@@ -140,9 +150,9 @@ class Visits:
 
     def tick(self, tick: int, now_s: float) -> None:
         """Note who has come, and let those go on who have stood long enough."""
+        self._pods.tick()
         if not self._missions.board.has_visits:
             return
-        self._pods.tick()
         for car, task in self._visiting(CarPhase.TO_PLACE):
             if self._ways.has_come(car):
                 self._arrive(car, task, now_s)

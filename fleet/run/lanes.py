@@ -6,6 +6,7 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from fleet.arrays import BoolArray, IntArray
 from fleet.config import USUAL_MODEL
 from fleet.errors import ConfigError
 from fleet.robots.cars.models import CarModels
@@ -32,14 +33,14 @@ def lanes_for(site: Site, models: CarModels) -> LaneGraph:
         graphs.append(build_lane_graph(site, footprint=footprint, closed=closed))
         if kind.name != USUAL_MODEL:
             _require_ways(site, graphs[-1], kind)
+        if kind.lifts is not None:
+            _require_ways_to_pods(site, graphs[-1], kind)
     return side_by_side(graphs)
 
 
 def _require_ways(site: Site, graph: LaneGraph, kind: CarSpec) -> None:
     """Refuse a model that cannot drive between all places where its cars have to come."""
-    ends = np.stack((graph.move_from, graph.move_to))
-    moves = coo_array((np.ones(graph.n_moves, dtype=np.int8), ends), shape=(graph.n_states, graph.n_states))
-    part_of = connected_components(moves, directed=True, connection="strong")[1]
+    part_of = _parts(graph, np.ones(graph.n_states, dtype=np.bool_))
     largest = int(np.bincount(part_of).argmax())
     if kind.lifts is None:
         places = [(f"station {station.name}", station.dock.cell) for station in site.stations]
@@ -56,3 +57,23 @@ def _require_ways(site: Site, graph: LaneGraph, kind: CarSpec) -> None:
                 f"fits no lane to {name} of site {site.name}; "
                 "valid: a model that does, or a site with wider lanes"
             )
+
+
+def _require_ways_to_pods(site: Site, graph: LaneGraph, kind: CarSpec) -> None:
+    """Refuse a site on which the ways to a pod, or from it, lead past where others stand: those are in the way."""
+    for cell in site.storage:
+        others = np.isin(graph.state_cell, [other for other in site.storage if other != cell])
+        part_of = _parts(graph, ~others)
+        if not (part_of[graph.states_of_cell(cell)] == np.bincount(part_of).argmax()).any():
+            raise ConfigError(
+                f"model {kind.name}: the storage place at {site.grid.words(cell)} of site {site.name} is behind "
+                "another one, in which a pod stands; valid: storage places beside lanes"
+            )
+
+
+def _parts(graph: LaneGraph, usable: BoolArray) -> IntArray:
+    """Number of the part of the lanes that each state is in: ways lead from each state of a part to all of it."""
+    both = usable[graph.move_from] & usable[graph.move_to]
+    ends = np.stack((graph.move_from, graph.move_to))[:, both]
+    moves = coo_array((np.ones(ends.shape[1], dtype=np.int8), ends), shape=(graph.n_states, graph.n_states))
+    return np.asarray(connected_components(moves, directed=True, connection="strong")[1])

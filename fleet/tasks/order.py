@@ -153,6 +153,8 @@ def misfit(order: Order, abilities: Sequence[Ability], grip_kg: float = math.inf
     payload_kg = max(ability.max_payload_kg for ability in abilities)
     if order.payload_kg > payload_kg:
         return f"mass_kg is '{order.payload_kg:g}'; valid: at most {payload_kg:g}, the greatest payload of a car"
+    if LIFT in order.needs and not any(LIFT in ability.capabilities for ability in abilities):
+        return "type is 'pod'; valid: another one, as no car of this run lifts pods (robots list: what each is for)"
     known = sorted(frozenset().union(*(ability.capabilities for ability in abilities)))
     valid = f"what one car has and carries ({', '.join(known) or 'no car has a capability'})"
     return f"needs is {shown(';'.join(order.needs))}; valid: {valid}"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Collection
 
 from fleet.tasks.fields import Fields, OrdersError
 from maps.reading.shown import shown
@@ -25,6 +26,7 @@ class PlaceNames:
         self._site = site
         self._bays = site.bays()
         self._name_of = {cell: name for name, cell in self._bays.items()}
+        self._storage = frozenset(site.storage)
         self._lane_cells = frozenset(site.lanes.ravel().tolist())
 
     def is_bay(self, name: str) -> bool:
@@ -55,9 +57,22 @@ class PlaceNames:
         """The places in a field, each by the one name it has here; none if the field is empty.
 
         Raises:
-            OrdersError: One of them is no place that a car can go to.
+            OrdersError: One of them is no place that a car can be sent to, such as one where a pod stands.
         """
-        return tuple(self._place(word, name) for word in fields.words(name))
+        valid = f"{self._valid()}, or row,col of a cell with a lane"
+        return tuple(self._place(word, name, valid) for word in fields.words(name))
+
+    def among(self, fields: Fields, name: str, valid: Collection[str], words: str) -> tuple[str, ...]:
+        """The same where only some places will do, and in words which.
+
+        Raises:
+            OrdersError: One of the places is none of those.
+        """
+        places = tuple(self._place(word, name, words) for word in fields.words(name))
+        wrong = next((word for word, place in zip(fields.words(name), places, strict=True) if place not in valid), None)
+        if wrong is not None:
+            raise OrdersError(f"{name} is {shown(wrong)}; valid: {words}")
+        return places
 
     def one(self, fields: Fields, name: str) -> str:
         """The place in a field that must hold one.
@@ -83,22 +98,27 @@ class PlaceNames:
             raise OrdersError(f"stand_s is {shown(fields.text('stand_s'))}; valid: {valid}")
         return stand_s
 
-    def _place(self, word: str, field: str) -> str:
-        if word in self._bays:
+    def _place(self, word: str, field: str, valid: str) -> str:
+        if word in self._bays and self._bays[word] not in self._storage:
             return word
         grid, at = self._site.grid, re.fullmatch(r"(\d{1,6})\s*,\s*(\d{1,6})", word)
         if at is not None and int(at[1]) < grid.rows and int(at[2]) < grid.cols:
             row, col = int(at[1]), int(at[2])
             cell = row * grid.cols + col
-            if cell in self._lane_cells:
+            if cell in self._lane_cells - self._storage:
                 return self._name(cell)
-        raise OrdersError(f"{field} is {shown(word)}; valid: {self._valid()}, or row,col of a cell with a lane")
+        raise OrdersError(f"{field} is {shown(word)}; valid: {valid}")
 
     def _valid(self) -> str:
         stations = [station.name for station in self._site.stations]
         ranges = []
         site = self._site
-        for kind, cells in (("parking", site.parking), ("charger", site.chargers), ("storage", site.storage)):
+        for kind, cells in (("parking", site.parking), ("charger", site.chargers)):
             if cells:
-                ranges.append(f"{kind}_1" if len(cells) == 1 else f"{kind}_1 to {kind}_{len(cells)}")
+                ranges.append(first_to_last(kind, len(cells)))
         return ", ".join([*stations, *ranges])
+
+
+def first_to_last(kind: str, n: int) -> str:
+    """Numbered things of a kind in words."""
+    return f"{kind}_1" if n == 1 else f"{kind}_1 to {kind}_{n}"

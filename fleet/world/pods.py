@@ -28,6 +28,9 @@ class PodLifts(Protocol):
     def lower(self, car: int) -> None:
         """Let a car set down what it has lifted from now on."""
 
+    def put(self, pod: int, pose: FloatArray) -> None:
+        """Let a pod stand at a pose x, y, yaw, shape (3,), taken off the car that had it, whose plate is down."""
+
     def is_up(self, car: int) -> bool:
         """Whether a car has lifted a pod, so that it may drive."""
 
@@ -93,6 +96,12 @@ class PlanarPods:
     def lower(self, car: int) -> None:
         """See `PodLifts`."""
         self._rises[car] = -1.0
+
+    def put(self, pod: int, pose: FloatArray) -> None:
+        """See `PodLifts`."""
+        cars = self._pod_of == pod
+        self._pod_of[cars], self._heights[cars], self._rises[cars] = NO_POD, 0.0, 0.0
+        self.planar[pod] = pose
 
     def is_up(self, car: int) -> bool:
         """See `PodLifts`."""

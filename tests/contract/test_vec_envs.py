@@ -10,6 +10,7 @@ import pytest
 from gymnasium.vector import AutoresetMode
 from gymnasium.wrappers.vector import RecordEpisodeStatistics
 
+from fleet.config import BatteryConfig
 from fleet.envs import dispatch_v0, make_vec, navigate_v1, traffic_v1
 from fleet.envs.core.base import ActionError, EpisodeError
 from fleet.envs.dispatch.env import DispatchWeights
@@ -220,6 +221,20 @@ def test_actions_of_any_kind_mean_what_they_mean_to_one_environment(layer: str, 
     whole = np.ones((1, n))
     for actions in ({}, whole, whole + 0.5, whole * np.nan, whole * 1e12, whole > 0, -whole.astype(np.int8)):
         np.testing.assert_equal(vec.step(actions).infos, loop.step(actions).infos)
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        ({"n_cars": (1, 3)}, r"n_cars is \(1, 3\); valid: one number"),
+        ({"n_cars": 2, "breakdowns": {"losses_per_h": 60.0}}, r"breakdowns.losses_per_h is 60.0; valid: 0"),
+        ({"n_cars": 2, "battery": BatteryConfig(enabled=True)}, r"battery is 'enabled'; valid: none"),
+    ],
+)
+def test_agents_that_come_and_go_fit_in_no_array(settings: dict[str, Any], words: str) -> None:
+    """The first reset raised a KeyError."""
+    with pytest.raises(ConfigError, match=words):
+        make_vec("warehouse", 2, site="small", fidelity="kinematic", **settings)
 
 
 def test_bad_input_is_refused(keep: Callable[[Any], Any]) -> None:

@@ -8,10 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fleet.config import ArmConfig, CarConfig, Fidelity, RunConfig
+from fleet.config import ArmConfig, CarConfig, Fidelity, RunConfig, ScenarioEvent
 from fleet.dispatch.interventions import CannotCancel, CannotRequeue
 from fleet.errors import ConfigError
+from fleet.incidents.faults.floor import LaneBlocked
 from fleet.missions.phases import CarPhase
+from fleet.robots.twist.pod import LIFT_S
 from fleet.run.events import Event
 from fleet.run.setup import RunSetup
 from fleet.simulation import Simulation
@@ -114,6 +116,12 @@ def test_a_cell_with_a_pod_is_blocked_until_its_car_is_beside_it(make: Make) -> 
         )
 
 
+def test_cells_with_pods_are_blocked_where_nobody_fetches_one(make: Make) -> None:
+    with make("p,0,delivery,,,,pick_1,drop_1,0.3,0.06,", models=("racecar",)) as simulation:
+        simulation.tick()
+        assert simulation.traffic.blocked[list(simulation.site.storage)].all()
+
+
 def test_a_lifted_pod_stays_with_its_car(make: Make) -> None:
     with make(FOUR[0]) as simulation:
         car = until_lifted(simulation, "a")
@@ -164,6 +172,93 @@ def test_a_car_that_comes_back_with_a_pod_takes_no_other(make: Make) -> None:
         assert simulation.missions.phase[car] is CarPhase.RETIRED
 
 
+@pytest.mark.parametrize("fidelity", [Fidelity.KINEMATIC, pytest.param(Fidelity.PHYSICS, marks=pytest.mark.bullet)])
+def test_a_carrier_that_is_repaired_fetches_again_and_its_pod_was_brought_home(make: Make, fidelity: Fidelity) -> None:
+    """A repaired carrier stood for good with the pod that it had died with."""
+    seen: list[Event] = []
+    later = FOUR[2].replace("c,0", "c,60")
+    with make(FOUR[0], later, fidelity=fidelity, models=("lifter",), on_event=seen.append) as simulation:
+        until_lifted(simulation, "a")
+        for _ in range(round(1.5 / simulation.tick_s)):
+            simulation.tick()  # into the lanes
+        simulation.recovery.lose_car(0, "test", by="car_dead")
+        for _ in range(round(3.0 / simulation.tick_s)):
+            simulation.tick()
+        simulation.recovery.revive(0, by="car_dead")
+        pods = simulation.world.pods
+        assert pods is not None
+        home = simulation.graph.state_pose[simulation.view.places.storage[1]]
+        assert np.allclose(pods.poses()[1, :2], home[:2], atol=0.005)
+        simulation.run()
+        assert [task.state for task in simulation.board.tasks] == [TaskState.FAILED, TaskState.DONE]
+        contacts = simulation.world.contacts()
+        assert (contacts.robot, contacts.static) == (0, 0)
+    assert [event.kind for event in seen if event.facts.get("pod") == "pod_2"] == [
+        "pod_lifted",
+        "pod_brought_home",
+        "pod_lifted",
+        "pod_set_down",
+    ]
+
+
+@pytest.mark.parametrize("fidelity", [Fidelity.KINEMATIC, pytest.param(Fidelity.PHYSICS, marks=pytest.mark.bullet)])
+@pytest.mark.parametrize("share", [0.0, 0.4, 0.9])
+@pytest.mark.parametrize("does", ["lifts", "sets_down"])
+def test_what_becomes_of_a_pod_does_not_depend_on_how_far_the_plate_had_come(
+    make: Make, fidelity: Fidelity, share: float, does: str
+) -> None:
+    """Later orders of the pod failed, or waited, by the moment in which its car had died."""
+    later = FOUR[2].replace("c,0", "c,5")
+    with make(FOUR[0], later, fidelity=fidelity, models=("lifter", "lifter")) as simulation:
+        task = simulation.board.named("a")
+        while not (task.car is not None and simulation.view.visits.handles(task.car) == does and task.lifted):
+            simulation.tick()
+        car = task.car
+        while simulation.missions.phase[car] is not CarPhase.STANDING:
+            simulation.tick()
+        for _ in range(round(share * LIFT_S / simulation.tick_s)):
+            simulation.tick()
+        simulation.lose_car(car, "test")
+        for _ in range(round(10.0 / simulation.tick_s)):
+            simulation.tick()
+        assert [task.state for task in simulation.board.tasks] == [TaskState.FAILED, TaskState.FAILED]
+        assert simulation.board.named("c").reason == f"pod_2 is on car_{car}, which has given it up"
+
+
+def test_a_towed_carrier_leaves_its_pod_at_home(make: Make) -> None:
+    with make(FOUR[0], models=("lifter", "lifter")) as simulation:
+        car = until_lifted(simulation, "a")
+        simulation.lose_car(car, "test")
+        while not simulation.recovery.tow(car):
+            simulation.tick()
+        assert simulation.world.pods is not None
+        assert (simulation.world.pods.carried_by() < 0).all()
+        for _ in range(round(5.0 / simulation.tick_s)):
+            simulation.tick()  # until the wreck lies still, and keeps no cells but its own
+        assert simulation.traffic.blocked[simulation.site.storage[1]]
+
+
+def test_a_pod_is_not_brought_home_into_a_box(make: Make) -> None:
+    with make(FOUR[0], models=("lifter",)) as simulation:
+        car, cell = until_lifted(simulation, "a"), simulation.site.storage[1]
+        while not simulation.executor.close_if_free(cell):
+            simulation.tick()
+        simulation.traffic.set_blocked(cell, True)
+        simulation.lose_car(car, "test")
+        assert not simulation.view.visits.bring_pod_home(car)
+        simulation.traffic.set_blocked(cell, False)
+        assert simulation.view.visits.bring_pod_home(car)
+
+
+def test_a_box_is_not_put_into_a_pod(make: Make) -> None:
+    """In physics it pushed the pod away."""
+    with make(FOUR[0], models=("lifter",)) as simulation:
+        cell = simulation.site.storage[3]
+        row, col = divmod(cell, simulation.site.grid.cols)
+        event = ScenarioEvent(time_s=0.0, kind="lane_blocked", target=f"{row},{col}", parameters={"duration_s": 5.0})
+        assert not LaneBlocked(simulation.view).begin(event, [cell])
+
+
 def test_why_tells_that_a_car_lifts_a_pod_or_sets_it_down(make: Make) -> None:
     with make(FOUR[0], fidelity=Fidelity.KINEMATIC, models=("lifter",)) as simulation:
         said = set()
@@ -192,8 +287,9 @@ def test_parcels_go_to_other_cars_than_pods(make: Make, models: tuple[str, ...])
     ("line", "words"),
     [
         ("a,0,pod,pod_13,parking_1,,,,,,", r"pod is 'pod_13'; valid: pod_1 to pod_12"),
-        ("a,0,pod,pod_1,drop_1,,,,,,", r"to is 'drop_1'; valid: parking_1 to parking_8, or a charger"),
+        ("a,0,pod,pod_1,drop_1,,,,,,", r"to is 'drop_1'; valid: parking_1 to parking_8 \(no arm picks"),
         ("a,0,pod,pod_1,storage_2,,,,,,", r"to is 'storage_2'; valid: parking_1 to parking_8"),
+        ("a,0,pod,pod_1,nowhere,,,,,,", r"to is 'nowhere'; valid: parking_1 to parking_8"),
         ("a,0,pod,pod_1,,,,,,,", r"to is missing|to"),
     ],
 )
@@ -203,12 +299,40 @@ def test_what_cannot_be_right_is_refused(tmp_path: Path, line: str, words: str) 
 
 
 def test_without_a_carrier_or_pods_the_orders_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(OrdersError, match="needs is 'lift'"):
+    with pytest.raises(OrdersError, match="type is 'pod'; valid: another one, as no car of this run lifts pods"):
         Simulation(config(tmp_path / "orders.csv", FOUR[:1], Fidelity.GRID, ("racecar",)))
     with pytest.raises(OrdersError, match="no pods stand on site small"):
         Simulation(config(tmp_path / "orders.csv", FOUR[:1], Fidelity.GRID, ("racecar",), site="small"))
     with pytest.raises(ConfigError, match=r"--fidelity is 'mixed'.*on which pods stand"):
         RunSetup.of(config(tmp_path / "orders.csv", FOUR[:1], Fidelity.MIXED, ("racecar",)))
+
+
+def test_nobody_is_sent_to_where_a_pod_stands(tmp_path: Path) -> None:
+    """The car went there and waited for good."""
+    path = tmp_path / "orders.csv"
+    for place in ("storage_1", "2,3"):
+        path.write_text(f'id,release_s,type,places\na,0,move,"{place}"\n', encoding="utf-8")
+        with pytest.raises(
+            OrdersError, match=f"places is '{place}'; valid: pick_1, drop_1, parking_1 to parking_8, or"
+        ):
+            Simulation(RunConfig(site=str(FLOOR), robots=1, orders=path, fidelity=Fidelity.GRID))
+
+
+def test_a_fleet_that_carries_no_parcels_gets_no_generated_ones() -> None:
+    cars = {"car_0": CarConfig(model="lifter")}
+    with pytest.raises(ConfigError, match=r"--cars is 'lifter'; valid: a model beside those that carries parcels"):
+        Simulation(RunConfig(site=str(FLOOR), robots=1, cars=cars, fidelity=Fidelity.GRID))
+
+
+def test_pods_behind_pods_are_refused(tmp_path: Path) -> None:
+    """A carrier went for one that stood behind another one, and waited for good."""
+    drawing = FLOOR.read_text(encoding="utf-8").replace(
+        "#..................#\n#..SSSSSS", "#..SSSSSS..........#\n#..SSSSSS", 1
+    )
+    site = tmp_path / "site.toml"
+    site.write_text(drawing, encoding="utf-8")
+    with pytest.raises(ConfigError, match=r"model lifter: the storage place at row 1, column 3 is behind another one"):
+        Simulation(config(tmp_path / "orders.csv", FOUR[:1], Fidelity.GRID, ("lifter",), site=str(site)))
 
 
 def test_who_runs_into_a_pod_is_counted(tmp_path: Path) -> None:

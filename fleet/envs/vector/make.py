@@ -16,6 +16,7 @@ from fleet.envs.vector.dispatch_vec import DispatchVec
 from fleet.envs.vector.loop import LoopVec
 from fleet.envs.vector.traffic_vec import TrafficVec
 from fleet.envs.vector.vec_env import VecEnv
+from fleet.envs.warehouse.config import WarehouseConfig
 
 _KERNELS: dict[type[LayerEnv[Any]], Callable[[Any, int, int], VecEnv]] = {
     DispatchEnv: DispatchVec,
@@ -41,7 +42,7 @@ def vec_of(one: Callable[[], Any], n_envs: int, n_threads: int = 1) -> VecEnv:
         n_threads: Threads that share the environments, where a kernel steps them.
 
     Raises:
-        ConfigError: A number is outside its valid range.
+        ConfigError: A number is outside its valid range, or agents of the environments come and go.
     """
     require(is_whole(n_envs) and n_envs >= 1, "n_envs", n_envs, "an integer >= 1")
     require(is_whole(n_threads) and n_threads >= 1, "n_threads", n_threads, "an integer >= 1")
@@ -49,4 +50,6 @@ def vec_of(one: Callable[[], Any], n_envs: int, n_threads: int = 1) -> VecEnv:
     kernel = _KERNELS.get(type(first))
     if kernel is not None and first.config.fidelity == Fidelity.GRID:
         return kernel(first, n_envs, n_threads)
+    if isinstance(first.config, WarehouseConfig):
+        first.config.require_lasting_agents()
     return LoopVec([first, *(one() for _ in range(n_envs - 1))])

@@ -193,6 +193,19 @@ class WarehouseConfig(RecordedEnvConfig):
         sizes = self.n_cars
         return sizes if isinstance(sizes, tuple) else (sizes or 0, sizes or 0)
 
+    def require_lasting_agents(self) -> None:
+        """Refuse teams whose size differs between episodes, and agents that may leave before an episode ends.
+
+        Raises:
+            ConfigError: They do.
+        """
+        least, most = self.team_sizes
+        require(least == most, "n_cars", self.n_cars, "one number, as arrays have a row for each agent")
+        losses_per_h = self.failures.losses_per_h
+        require(losses_per_h == 0, "breakdowns.losses_per_h", losses_per_h, "0, as arrays have a row for each agent")
+        battery = self.battery is not None and self.battery.enabled
+        require(not battery, "battery", "enabled", "none, as arrays have a row for each agent and empty cars leave")
+
     @property
     def end(self) -> End:
         """When an episode is over."""

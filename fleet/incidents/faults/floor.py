@@ -44,12 +44,12 @@ class LaneClosed:
 
 
 class LaneBlocked(LaneClosed):
-    """A box stands in a cell, as soon as nobody is there."""
+    """A box stands in a cell, as soon as no car and no pod is there."""
 
     def begin(self, event: ScenarioEvent, targets: Sequence[int]) -> bool:
         """See `Incident`."""
         run, (cell,) = self._run, targets
-        if not super().begin(event, targets):
+        if run.visits.pod_stands_in(cell) or not super().begin(event, targets):
             return False
         run.world.add_obstacle(cell, _middle(run, cell, OBSTACLE_HALF_M[2]), np.array(OBSTACLE_HALF_M))
         return True

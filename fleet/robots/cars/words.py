@@ -39,7 +39,7 @@ def read_cars(words: str, where: str = "--cars") -> tuple[str, ...]:
     for word in words.split(","):
         name, colon, number = (part.strip() for part in word.partition(":"))
         require(name in CARS, where, words, f"MODEL:NUMBER,... of the models {', '.join(CARS)}")
-        fits = number.isdecimal() and 1 <= int(number) <= MOST_CARS if colon else True
+        fits = number.isascii() and number.isdecimal() and 1 <= int(number) <= MOST_CARS if colon else True
         require(fits, where, words, f"a number of cars from 1 to {MOST_CARS} behind each colon")
         names += [name] * (int(number) if colon else 1)
     return tuple(names)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from fleet.tasks.fields import Fields, OrdersError
 from fleet.tasks.order import Order, Visit
 from fleet.tasks.types.task_type import Setting
-from maps.reading.shown import shown
 
 
 class ChargeType:
@@ -19,8 +18,5 @@ class ChargeType:
         names = setting.places.numbered("charger", setting.n_chargers)
         if not names:
             raise OrdersError("type is 'charge'; valid: any other, because this run has no batteries (--battery)")
-        places = setting.places.places(fields, "places")
-        for place in places:
-            if place not in names:
-                raise OrdersError(f"places is {shown(place)}; valid: {', '.join(names)}, or none for any of them")
+        places = setting.places.among(fields, "places", names, f"{', '.join(names)}, or none for any of them")
         return (Visit.of(shared, kind="charge", errands=(places or names,), until_full=True),)

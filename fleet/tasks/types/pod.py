@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from fleet.tasks.fields import Fields, OrdersError
 from fleet.tasks.order import LIFT, Order, Visit
+from fleet.tasks.place_names import first_to_last
 from fleet.tasks.types.task_type import Setting
 from maps.reading.shown import shown
 
@@ -24,18 +25,11 @@ class PodType:
             raise OrdersError(f"type is 'pod'; valid: another one, as no pods stand on site {setting.site.name}")
         number = {f"pod_{k}": k for k in range(1, len(pods) + 1)}.get(fields.text("pod"))
         if number is None:
-            raise OrdersError(f"pod is {shown(fields.text('pod'))}; valid: pod_1 to pod_{len(pods)}")
-        to = places.places(fields, "to")
-        valid = (
-            *places.numbered("parking", len(setting.site.parking)),
-            *places.numbered("charger", setting.n_chargers),
-        )
-        for place in to:
-            if place not in valid:
-                wanted = (
-                    f"parking_1 to parking_{len(setting.site.parking)}, or a charger in use: no arm picks from a pod"
-                )
-                raise OrdersError(f"to is {shown(place)}; valid: {wanted}")
+            raise OrdersError(f"pod is {shown(fields.text('pod'))}; valid: {first_to_last('pod', len(pods))}")
+        numbers = {"parking": len(setting.site.parking), "charger": setting.n_chargers}
+        valid = [name for kind, n in numbers.items() for name in places.numbered(kind, n)]
+        words = ", ".join(first_to_last(kind, n) for kind, n in numbers.items() if n)
+        to = places.among(fields, "to", valid, f"{words} (no arm picks from a pod)")
         home = places.numbered("storage", len(pods))[number - 1]
         visit = Visit.of(
             shared,

@@ -12,7 +12,7 @@ from fleet.robots.cars.models import CarModels
 from fleet.robots.twist.pod import LIFT_M, LIFT_S, pod_urdf
 from fleet.world.bullet.contacts import ContactMonitor
 from fleet.world.bullet.engine.client import Client
-from fleet.world.bullet.engine.frames import rotation
+from fleet.world.bullet.engine.frames import quaternion, rotation
 from fleet.world.bullet.engine.urdf_text import without_visuals
 from fleet.world.bullet.vehicles.floor import load_on_floor
 from fleet.world.bullet.vehicles.lift import Hold, Lift
@@ -88,6 +88,16 @@ class PhysicalPods:
         self._let_go(carriage)
         carriage.lowers, carriage.ticks = True, 0
         self._lifts[car].lower()
+
+    def put(self, pod: int, pose: FloatArray) -> None:
+        """See `PodLifts`."""
+        for car in [car for car, carriage in self._carriages.items() if carriage.pod == pod]:
+            self._let_go(self._carriages.pop(car))
+            self._lifts[car].reset()
+        quat = quaternion(float(pose[2]))
+        place = np.append(pose[:2], 0.0) + rotation(np.array(quat)) @ self._com
+        self._client.resetBasePositionAndOrientation(self.bodies[pod], place.tolist(), quat)
+        self._client.resetBaseVelocity(self.bodies[pod], (0, 0, 0), (0, 0, 0))
 
     def is_up(self, car: int) -> bool:
         """See `PodLifts`."""

@@ -61,6 +61,11 @@ class Lift:
         """Lower the plate from now on."""
         self._drive(0.0)
 
+    def reset(self) -> None:
+        """Put the plate down at once."""
+        self._client.resetJointState(self._body, self.plate, 0.0)
+        self.lower()
+
     def hold(self, load: int) -> Hold:
         """Hold a load where it is on the plate."""
         client = self._client
