@@ -56,10 +56,10 @@ def _fleet(trial: Trial, robots: int, site: str, fidelity: Fidelity) -> Iterable
         watch, spent_s = simulation.causes, 0.0
         look = watch.tick
 
-        def timed(tick: int, speeds: FloatArray) -> None:
+        def timed(tick: int, paces: FloatArray) -> None:
             nonlocal spent_s
             begin = time.process_time()
-            look(tick, speeds)
+            look(tick, paces)
             spent_s += time.process_time() - begin
 
         watch.tick = timed  # type: ignore[method-assign]

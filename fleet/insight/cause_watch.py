@@ -53,7 +53,7 @@ class _Cars(NamedTuple):
 
     phase: IntArray
     """Index into `PHASES`."""
-    speeds: FloatArray
+    paces: FloatArray
     place_of: IntArray
     without_task: CauseRows
     halted_by: CellArray
@@ -114,12 +114,12 @@ class CauseWatch:
         self._without_task = self.rows[: self._n_cars].copy()
         """Why cars without a task have none: their rows when nothing keeps them on their way."""
 
-    def tick(self, tick: int, speeds: FloatArray) -> None:
+    def tick(self, tick: int, paces: FloatArray) -> None:
         """Look at the tick that was just done.
 
         Args:
             tick: Its number.
-            speeds: Signed speeds of the cars [m/s], shape (n_cars,).
+            paces: How fast the cars move along their paths, by turns on the spot, too [m/s], shape (n_cars,).
         """
         run = self._run
         self._look_at_arms(tick)
@@ -130,7 +130,7 @@ class CauseWatch:
         executor, traffic = run.executor, run.traffic
         roster = run.missions
         cars = _Cars(
-            roster.phase_index, speeds, run.bookings.place_of, self._without_task, self._halted_by, self._parked
+            roster.phase_index, paces, run.bookings.place_of, self._without_task, self._halted_by, self._parked
         )
         cells = _Cells(executor.closed, traffic.blocked, traffic.wreck_of, self._dock_at)
         without_move = _look_at_bound(self.rows, _RULES, executor.dependencies.queues, cars, cells)
@@ -240,8 +240,10 @@ class CauseWatch:
     def _fault(self, car: int, phase: CarPhase) -> int:
         if phase is CarPhase.RETIRED and car in self._run.missions.leaving:
             return DETAIL_OF["out"]
-        if phase is not CarPhase.DEAD:
-            return DETAIL_OF["off_lane" if phase is CarPhase.RECOVERING else "tray_loaded"]
+        if phase is CarPhase.RETIRED:
+            return DETAIL_OF["pod_loaded" if self._run.visits.keeps_pod(car) else "tray_loaded"]
+        if phase is CarPhase.RECOVERING:
+            return DETAIL_OF["off_lane"]
         batteries = self._run.batteries
         empty = batteries is not None and batteries.charge[car] <= 0.0
         return DETAIL_OF["battery_empty" if empty else "dead"]
@@ -347,7 +349,7 @@ class CauseWatch:
 @njit(cache=True)
 def _look_at_bound(rows: CauseRows, rules: IntArray, q: Queues, cars: _Cars, cells: _Cells) -> int:
     """Fill the rows of cars on their way; returns how many of them stand without a move."""
-    phase, speeds, place_of, without_task, halted_by, parked = cars
+    phase, paces, place_of, without_task, halted_by, parked = cars
     closed, blocked, wreck_of, dock_at = cells
     n_cars = len(phase)
     without_move = 0
@@ -364,7 +366,7 @@ def _look_at_bound(rows: CauseRows, rules: IntArray, q: Queues, cars: _Cars, cel
             parked[car] = False
         by = cell = NONE
         cause = _SETS_OFF
-        if abs(speeds[car]) >= STANDING_MPS:
+        if abs(paces[car]) >= STANDING_MPS:
             cause = _DRIVES
         elif halted_by[car] >= 0:
             cause, by = _HALTED, halted_by[car]

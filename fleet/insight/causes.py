@@ -54,7 +54,7 @@ class Cause(IntEnum):
     """Stands where a visit takes it."""
     NO_TASK = 17
     FAULT = 18
-    """Dead, off its lane, or out of service with a parcel that could not be unloaded."""
+    """Dead, off its lane, or out of service with a parcel or pod that it could not bring where it belongs."""
     WORKS = 19
     """An arm that serves a car, or fetches a parcel ahead."""
     AWAITS = 20
@@ -120,6 +120,7 @@ DETAILS: tuple[str, ...] = tuple(
             "out",
             "lifts",
             "sets_down",
+            "pod_loaded",
         )
     )
 )

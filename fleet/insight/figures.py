@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from functools import cached_property
+
+import numpy as np
 
 from fleet.arrays import FloatArray
 from fleet.insight.cause_watch import CauseWatch
@@ -13,6 +16,7 @@ from fleet.insight.slip import SlipMeter
 from fleet.insight.time_accounts import TimeAccounts
 from fleet.run.view import RunView
 from fleet.tasks.batches import Batches
+from maps.vehicle import TURN_M_PER_RAD
 
 
 class Figures:
@@ -31,6 +35,8 @@ class Figures:
         docks = [station.place.dock.cell for station in run.stations]
         n_places = len(run.places.cells)
         time_accounts = TimeAccounts(run.world.n_cars, run.site.grid.cell_xy(docks), run.graph.n_cells, n_places)
+        self._pivots = run.scene.cars.each("steers") == 0.0
+        self._yaws = run.world.car_poses()[:, 2].copy()
         self.metrics = Metrics(run.world.n_cars, run.tick_s, time_accounts)
 
     # Built when first asked for: environments seldom ask.
@@ -60,17 +66,27 @@ class Figures:
         run, missions = self._run, self._run.missions
         if self.slip_meter is not None:
             self.slip_meter.tick(run.arm_manager.services, run.world)
-        self.causes.tick(run.now, speeds)
-        self.metrics.tick(speeds, missions.loaded, missions.bound)
+        poses = run.world.car_poses()
+        paces = self._paces(speeds, poses)
+        self.causes.tick(run.now, paces)
+        self.metrics.tick(speeds, paces, missions.loaded, missions.bound)
         self.metrics.time_accounts.tick(
             self.causes.rows,
             missions.phase_index,
             missions.loaded,
             missions.bookings.place_of,
             missions.served,
-            speeds,
-            run.world.car_poses(),
+            paces,
+            poses,
         )
+
+    def _paces(self, speeds: FloatArray, poses: FloatArray) -> FloatArray:
+        """How fast cars move along paths, where turns on the spot have a length, too [m/s], shape (n_cars,)."""
+        if not self._pivots.any():
+            return speeds
+        turned = (poses[:, 2] - self._yaws + math.pi) % math.tau - math.pi
+        self._yaws = poses[:, 2].copy()
+        return np.maximum(np.abs(speeds), self._pivots * TURN_M_PER_RAD * np.abs(turned) / self._run.tick_s)
 
     def summary(self) -> Summary:
         """Figures of the run so far."""

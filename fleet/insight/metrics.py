@@ -144,15 +144,18 @@ class Metrics:
         self._distance_m = np.zeros((2, n_cars))
         self._waiting_s = np.zeros(n_cars)
 
-    def tick(self, speeds: FloatArray, loaded: npt.NDArray[np.int64], bound: npt.NDArray[np.bool_]) -> None:
+    def tick(
+        self, speeds: FloatArray, paces: FloatArray, loaded: npt.NDArray[np.int64], bound: npt.NDArray[np.bool_]
+    ) -> None:
         """Add one tick.
 
         Args:
             speeds: Signed speeds [m/s], shape (n_cars,).
+            paces: How fast cars move along their paths, where turns on the spot have a length [m/s], shape (n_cars,).
             loaded: 1 for a car with a parcel, else 0, shape (n_cars,).
             bound: True for a car on its way to a station, shape (n_cars,).
         """
-        _add(speeds, loaded, bound, self._tick_s, self._distance_m, self._waiting_s)
+        _add(speeds, paces, loaded, bound, self._tick_s, self._distance_m, self._waiting_s)
 
     def summary(self, run: RunView, batches: Batches, slips: Sequence[Slip], codebook: Codebook) -> Summary:
         """Figures of the run so far.
@@ -273,11 +276,10 @@ def _shares(time: CarTime) -> dict[str, float]:
 
 
 @njit(cache=True)
-def _add(speeds, loaded, bound, tick_s, distance_m, waiting_s):
+def _add(speeds, paces, loaded, bound, tick_s, distance_m, waiting_s):
     for car in range(len(speeds)):
-        speed = abs(speeds[car])
-        distance_m[loaded[car], car] += speed * tick_s
-        if bound[car] and speed < STANDING_MPS:
+        distance_m[loaded[car], car] += abs(speeds[car]) * tick_s
+        if bound[car] and abs(paces[car]) < STANDING_MPS:
             waiting_s[car] += tick_s
 
 

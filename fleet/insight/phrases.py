@@ -42,6 +42,7 @@ _FAULTS = {
     "battery_empty": "is dead, its battery is empty",
     "off_lane": "is off its lane",
     "tray_loaded": "is out of service with a parcel in its tray",
+    "pod_loaded": "is out of service with a pod on its plate",
     "stopped": "is told to stand still",
     "out": "was taken out of service",
 }

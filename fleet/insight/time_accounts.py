@@ -37,7 +37,7 @@ class Account(IntEnum):
     """A car at a dock with an arm at work on it; an arm at work."""
     CHARGING = 5
     FAULT = 6
-    """Dead, off its lane, or out of service with a parcel that could not be unloaded."""
+    """Dead, off its lane, or out of service with a parcel or pod that it could not bring where it belongs."""
     IDLE = 7
     """Has no task; an arm for which no car is bound."""
     VISITING = 8
@@ -166,7 +166,7 @@ class _Tick(NamedTuple):
     loaded: Ticks
     place: Ticks
     served: Ticks
-    speeds: FloatArray
+    paces: FloatArray
     xy: FloatArray
 
 
@@ -220,7 +220,7 @@ class TimeAccounts:
         loaded: Ticks,
         place: Ticks,
         served: Ticks,
-        speeds: FloatArray,
+        paces: FloatArray,
         xy: FloatArray,
     ) -> None:
         """Book one tick.
@@ -231,10 +231,10 @@ class TimeAccounts:
             loaded: 1 for a car with a parcel, else 0, shape (n_cars,).
             place: Station each car is booked at or waits for, -1 for none, shape (n_cars,).
             served: Car each arm is at work on, -1 for none, shape (n_stations,).
-            speeds: Signed speeds [m/s], shape (n_cars,).
+            paces: How fast the cars move along their paths, by turns on the spot, too [m/s], shape (n_cars,).
             xy: Rear axles, x, y first [m], shape (n_cars, 2 or more).
         """
-        _book(self._booked, self._rules, _Tick(causes, phase, loaded, place, served, speeds, xy))
+        _book(self._booked, self._rules, _Tick(causes, phase, loaded, place, served, paces, xy))
 
     def car_time(self, car: int) -> CarTime:
         """Accounts of one car."""
@@ -300,7 +300,7 @@ def _book(booked: _Booked, rules: _Rules, tick: _Tick) -> None:
 def _find_accounts(rules: _Rules, tick: _Tick, accounts: Ticks) -> None:
     """The account that a tick of each robot belongs to."""
     car_rules, arm_rules, _, _, dock_xy = rules
-    causes, phase, loaded, place, served, speeds, xy = tick
+    causes, phase, loaded, place, served, paces, xy = tick
     n_cars = len(phase)
     for robot in range(n_cars, len(causes)):
         accounts[robot] = arm_rules[causes[robot, _CAUSE]]
@@ -308,7 +308,7 @@ def _find_accounts(rules: _Rules, tick: _Tick, accounts: Ticks) -> None:
         rule, cause, station = car_rules[phase[car]], causes[car, _CAUSE], place[car]
         if rule >= 0:
             accounts[car] = rule
-        elif abs(speeds[car]) >= STANDING_MPS:
+        elif abs(paces[car]) >= STANDING_MPS:
             accounts[car] = 0 if loaded[car] else 1
         elif rule == _IDLE:
             accounts[car] = 3 if cause == _CHARGER else 7

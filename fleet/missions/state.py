@@ -166,7 +166,7 @@ class Missions:
         waits = phase in AT_CHARGER or phase is CarPhase.HELD
         carries = waits and task is not None and task.state is TaskState.CARRIED
         loaded = carries or phase is CarPhase.TO_DROP or phase is CarPhase.UNLOADING
-        self.loaded[car] = loaded or bool(self.aboard[car])
+        self.loaded[car] = loaded or bool(self.aboard[car]) or (task is not None and task.lifted)
         self.load_kg[car] = task.delivery.mass_kg if loaded and task is not None else 0.0
         self.load_kg[car] += sum(other.delivery.mass_kg for other in self.aboard[car])
         self.awake[car] = not _PARKED[number] and phase is not CarPhase.DEAD

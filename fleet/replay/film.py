@@ -1,4 +1,4 @@
-"""Film: a part of a run as a moving picture, drawn from where robots and parcels are; needs no graphics driver."""
+"""Film: a part of a run as a moving picture, drawn from where things are; needs no graphics driver."""
 
 from __future__ import annotations
 
@@ -11,12 +11,15 @@ from fleet.arrays import FloatArray
 from fleet.charts.chart import COLORS
 from fleet.replay.floor_sheet import ARM, NOSE, FloorSheet
 from fleet.robots.cars.models import CarModels
+from fleet.robots.twist.pod import POD
 from fleet.simulation import Simulation
 from planners.motion.arm.kinematics import link_frames
 
 SAMPLE_S = 0.25
 """Between two positions; what is between them is filled in along straight lines [s]."""
 PARCEL, PARCEL_M = "#78502a", 0.14
+POD_STYLE = 'fill="#b8aea0" fill-opacity="0.5" stroke="#78502a"'
+"""Cars below pods are seen."""
 AWAY = (-1.0, -1.0)
 """Where a parcel is drawn while it is not on the floor [m]."""
 
@@ -33,6 +36,8 @@ class Shots:
     """x, y of the joints of each arm, from its base to its tip, shape (k, n_arms, n_points, 2)."""
     parcels: Mapping[int, FloatArray]
     """x, y of each parcel, `AWAY` while it is not there, shape (k, 2)."""
+    pods: FloatArray
+    """x, y, yaw, shape (k, n_pods, 3)."""
 
 
 def film(
@@ -59,7 +64,8 @@ def film(
     sheet = FloorSheet(run.site, px_per_m=px_per_m)
     sheet.cells()
     sheet.station_names()
-    body = [*_arms(sheet, shots), *_cars(sheet, run.scene.cars, shots), *_parcels(sheet, shots)]
+    cars = _cars(sheet, run.scene.cars, shots)
+    body = [*_arms(sheet, shots), *cars, *_pods(sheet, shots), *_parcels(sheet, shots)]
     return sheet.drawing.svg().removesuffix("</svg>") + "\n".join([*body, "</svg>\n"])
 
 
@@ -71,13 +77,14 @@ def _shots(run: Simulation, begin_s: float, length_s: float, told: Callable[[flo
                 told(run.sim_s)
 
     go_on(begin_s)
-    cars, arms, parcels = [], [], dict[int, list[FloatArray]]()
+    cars, arms, pods, parcels = [], [], list[FloatArray](), dict[int, list[FloatArray]]()
     n_samples = round(length_s / SAMPLE_S)
     for sample in range(n_samples):
         go_on(begin_s + sample * SAMPLE_S)
         world = run.world
         cars.append(world.car_poses().copy())
         arms.append(_joints(run))
+        pods.append(run.scene.pod_start if world.pods is None else _planar(world.pods.poses()))
         for parcel, pose in zip(world.parcel_ids().tolist(), world.parcel_poses(), strict=True):
             parcels.setdefault(parcel, [np.array(AWAY)] * sample).append(pose[:2].copy())
         for seen in parcels.values():
@@ -87,7 +94,13 @@ def _shots(run: Simulation, begin_s: float, length_s: float, told: Callable[[flo
         cars=np.array(cars),
         arms=np.array(arms),
         parcels={parcel: np.array(seen) for parcel, seen in parcels.items()},
+        pods=np.array(pods),
     )
+
+
+def _planar(poses: FloatArray) -> FloatArray:
+    """x, y, yaw of poses x, y, z, qx, qy, qz, qw that are upright, shape (k, 3)."""
+    return np.column_stack((poses[:, :2], 2.0 * np.arctan2(poses[:, 5], poses[:, 6])))
 
 
 def _joints(run: Simulation) -> FloatArray:
@@ -111,13 +124,26 @@ def _cars(sheet: FloorSheet, models: CarModels, shots: Shots) -> list[str]:
         long, wide = (spec.rear_m + spec.front_m) * px, 2 * spec.half_width_m * px
         body = f'<rect x="{left:.1f}" y="{top:.1f}" width="{long:.1f}" height="{wide:.1f}"'
         nose = f'<rect x="{spec.front_m * px - 4:.1f}" y="{top:.1f}" width="4" height="{wide:.1f}" fill="{NOSE}"/>'
-        spots = [sheet.spot(x, y) for x, y in shots.cars[:, car, :2].tolist()]
-        turns = -np.degrees(np.unwrap(shots.cars[:, car, 2]))
-        drive = _values("transform", [f"{x:.1f} {y:.1f}" for x, y in spots], shots.length_s, kind="translate")
-        turn = _values("transform", [f"{angle:.0f}" for angle in turns], shots.length_s, kind="rotate")
         shape = f'{body} fill="{COLORS[car % len(COLORS)]}"/>{nose}'
-        drawn.append(f"<g>{drive}<g>{turn}{shape}</g></g>")
+        drawn.append(_moving(sheet, shape, shots.cars[:, car], shots.length_s))
     return drawn
+
+
+def _pods(sheet: FloorSheet, shots: Shots) -> list[str]:
+    """Shelf pods, over the cars that carry them."""
+    (half_x, half_y), px = POD.half_m, sheet.px_per_m
+    at = f'x="{-half_x * px:.1f}" y="{-half_y * px:.1f}" width="{2 * half_x * px:.1f}" height="{2 * half_y * px:.1f}"'
+    shape = f"<rect {at} {POD_STYLE}/>"
+    return [_moving(sheet, shape, shots.pods[:, pod], shots.length_s) for pod in range(shots.pods.shape[1])]
+
+
+def _moving(sheet: FloorSheet, shape: str, poses: FloatArray, length_s: float) -> str:
+    """A shape around the origin that goes through poses x, y, yaw, shape (k, 3)."""
+    spots = [sheet.spot(x, y) for x, y in poses[:, :2].tolist()]
+    drive = _values("transform", [f"{x:.1f} {y:.1f}" for x, y in spots], length_s, kind="translate")
+    turns = -np.degrees(np.unwrap(poses[:, 2]))
+    turn = _values("transform", [f"{angle:.0f}" for angle in turns], length_s, kind="rotate")
+    return f"<g>{drive}<g>{turn}{shape}</g></g>"
 
 
 def _arms(sheet: FloorSheet, shots: Shots) -> list[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -15,6 +16,13 @@ _OF_CAR = {
     TaskState.VISITING: "with",
 }
 """How a state is said of its car; other states are `by` it."""
+_ON_THE_WAY = {
+    "visited": "it was at {place}",
+    "inspected": "{place} was inspected",
+    "pod_lifted": "{pod} is lifted",
+    "pod_set_down": "{pod} is set down, {off_mm} mm and {off_deg} degrees from its place",
+}
+"""What is said of events that leave a task in its state, by their kinds."""
 
 
 class OrderStep(NamedTuple):
@@ -60,7 +68,8 @@ class OrderHistory:
     def __str__(self) -> str:
         if not self.steps:
             return f"{self.order} is ordered, and not released yet"
-        came = next(step for step in reversed(self.steps) if not step.waits)
+        alike = itertools.takewhile(lambda step: step[1:3] == self.steps[-1][1:3], reversed(self.steps))
+        *_, came = alike
         return f"{self.order} is {_said(self.state, self.car)} since {came.time_s:.2f} s: {self.steps[-1].cause}"
 
 
@@ -90,4 +99,7 @@ def order_history(events: Sequence[Mapping[str, Any]], order: str, time_s: float
             steps.append(OrderStep(event["sim_s"], state, event["car"], event["cause"], waits=False))
         elif event["kind"] == "task_waits" and steps:
             steps.append(steps[-1]._replace(time_s=event["sim_s"], cause=event["cause"], waits=True))
+        elif event["kind"] in _ON_THE_WAY and steps:
+            said = _ON_THE_WAY[event["kind"]].format_map(event)
+            steps.append(steps[-1]._replace(time_s=event["sim_s"], cause=said, waits=False))
     return OrderHistory(order=order, time_s=time_s, steps=tuple(steps))

@@ -13,6 +13,8 @@ from fleet.dispatch.interventions import CannotCancel, CannotRequeue
 from fleet.errors import ConfigError
 from fleet.incidents.faults.floor import LaneBlocked
 from fleet.missions.phases import CarPhase
+from fleet.replay.film import POD_STYLE, film
+from fleet.report.order_history import order_history
 from fleet.robots.twist.pod import LIFT_S
 from fleet.run.events import Event
 from fleet.run.setup import RunSetup
@@ -307,6 +309,38 @@ def test_without_a_carrier_or_pods_the_orders_are_refused(tmp_path: Path) -> Non
         RunSetup.of(config(tmp_path / "orders.csv", FOUR[:1], Fidelity.MIXED, ("racecar",)))
 
 
+def test_what_is_told_of_carriers(make: Make) -> None:
+    """Those with pods were told as driving empty, turns on the spot as standing in traffic, and lifting not at all."""
+    seen: list[Event] = []
+    with make(FOUR[0], fidelity=Fidelity.KINEMATIC, models=("lifter",), on_event=seen.append) as simulation:
+        simulation.run()
+        time = simulation.summary().car_ticks["car_0"]
+        assert time.driving_loaded > 0.3 * simulation.now
+        assert time.traffic < 0.1 * simulation.now
+    events = [{"kind": event.kind, "sim_s": event.sim_s, **event.facts} for event in seen]
+    history = order_history(events, "a", time_s=1e9)
+    said = [str(step) for step in history.steps]
+    for words in ("pod_2 is lifted", "it was at parking_", "pod_2 is set down"):
+        assert any(words in step for step in said), (words, said)
+    until_lifting = order_history(events, "a", time_s=next(e["sim_s"] for e in events if e["kind"] == "pod_lifted"))
+    visiting_s = next(e["sim_s"] for e in events if e.get("state") == TaskState.VISITING)
+    assert f"is visiting with car_0 since {visiting_s:.2f} s: pod_2 is lifted" in str(until_lifting)
+
+
+def test_a_carrier_that_has_given_up_its_pod_is_told_so(make: Make) -> None:
+    with make(FOUR[0], models=("lifter",)) as simulation:
+        car = until_lifted(simulation, "a")
+        simulation.view.visits.give_up(car, simulation.board.named("a"), simulation.sim_s, "test")
+        simulation.tick()
+        assert "is out of service with a pod on its plate" in str(simulation.explain(f"car_{car}"))
+
+
+def test_films_show_pods(make: Make) -> None:
+    with make(FOUR[0], models=("lifter",)) as simulation:
+        drawn = film(simulation, begin_s=0.0, length_s=1.0, px_per_m=40.0)
+    assert drawn.count(POD_STYLE) == 12
+
+
 def test_nobody_is_sent_to_where_a_pod_stands(tmp_path: Path) -> None:
     """The car went there and waited for good."""
     path = tmp_path / "orders.csv"
@@ -331,7 +365,7 @@ def test_pods_behind_pods_are_refused(tmp_path: Path) -> None:
     )
     site = tmp_path / "site.toml"
     site.write_text(drawing, encoding="utf-8")
-    with pytest.raises(ConfigError, match=r"model lifter: the storage place at row 1, column 3 is behind another one"):
+    with pytest.raises(ConfigError, match="the storage place at row 1, column 3 of site pods is behind another"):
         Simulation(config(tmp_path / "orders.csv", FOUR[:1], Fidelity.GRID, ("lifter",), site=str(site)))
 
 
