@@ -15,7 +15,7 @@ from fleet.robots.twist.pod import LIFT_S, POD, pod_urdf
 from fleet.world.bullet.engine.client import Client
 from fleet.world.bullet.engine.frames import rotation
 from fleet.world.bullet.vehicles.floor import load_on_floor
-from fleet.world.bullet.vehicles.lift import Lift
+from fleet.world.bullet.vehicles.lift import CENTRE_S, Lift
 
 _QUARTER_RAD = math.pi / 2
 APPROACH_M, SIDE_M, AWAY_M = 2.0, 10.0, 1.5
@@ -91,6 +91,9 @@ class _Carriage:
         self._lift.raise_()
         self._stand(_LIFTED_S)
         hold = self._lift.hold(self._pod)
+        for n_left in range(round(CENTRE_S / TICK_S), 0, -1):
+            hold = self._lift.centre(hold, (n_left - 1) / n_left)
+            self._stand(TICK_S)
         self._carried = True
         arrived &= self._drive(_THERE)
         self._carried = False

@@ -11,6 +11,7 @@ from fleet.arrays import FloatArray, IntArray
 from fleet.robots.twist.pod import LIFT_M, LIFT_S
 
 NO_CAR, NO_POD = -1, -1
+QUARTER_RAD = math.pi / 2
 
 
 class PodLifts(Protocol):
@@ -50,6 +51,9 @@ class PlanarPodsSnapshot(NamedTuple):
 
 class PlanarPods:
     """`PodLifts` without physics: a pod that has left the floor moves with its car.
+
+    While the plate rises, its pins find the cones below the pod and draw that to the middle of the plate, square to it:
+    where a pod is set down depends on where its car stands, and errors of many carriages do not add up.
 
     Attributes:
         planar: Poses x, y, yaw of the pods, shape (p, 3).
@@ -115,7 +119,8 @@ class PlanarPods:
         """Move plates on, and pods with their cars; poses x, y, yaw, shape (n_cars, 3)."""
         if not self._rises.any() and not (self._pod_of != NO_POD).any():
             return
-        self._heights = np.clip(self._heights + self._share * self._rises, 0.0, 1.0)
+        before = self._heights
+        self._heights = np.clip(before + self._share * self._rises, 0.0, 1.0)
         for car in self.loaded():
             pod = self._pod_of[car]
             if self._rises[car] < 0.0 and self._heights[car] <= 0.0:
@@ -123,6 +128,9 @@ class PlanarPods:
                 continue
             if math.isnan(self._offsets[car, 0]):
                 self._offsets[car] = _seen_from(car_poses[car], self.planar[pod])
+            if self._heights[car] > before[car]:
+                left = (1.0 - self._heights[car]) / (1.0 - before[car])
+                self._offsets[car] = centred(self._offsets[car], left)
             self.planar[pod] = _moved(car_poses[car], self._offsets[car])
 
     def save(self) -> PlanarPodsSnapshot:
@@ -139,6 +147,15 @@ class PlanarPods:
         """Return to a saved state."""
         self.planar[:], self._offsets[:], self._pod_of[:] = snapshot.poses, snapshot.offsets, snapshot.pod_of
         self._heights[:], self._rises[:] = snapshot.heights, snapshot.rises
+
+
+def centred(offset: FloatArray, left: float) -> FloatArray:
+    """Where a pod is on a plate, x, y, yaw, when a share of how far it is from its middle, and askew, is left.
+
+    Square to the plate it may be by any quarter of a turn.
+    """
+    square = round(offset[2] / QUARTER_RAD) * QUARTER_RAD
+    return np.array([left * offset[0], left * offset[1], square + left * (offset[2] - square)])
 
 
 def _seen_from(car: FloatArray, pod: FloatArray) -> FloatArray:

@@ -22,6 +22,7 @@ from fleet.simulation import Simulation
 from fleet.tasks.board import TaskState
 from fleet.tasks.fields import OrdersError
 from fleet.world.kinematic import KinematicWorld
+from fleet.world.protocol import World
 
 FLOOR = Path(__file__).parents[2] / "docs/examples/pods/floor.toml"
 HEAD = "id,release_s,type,pod,to,stand_s,pick,drop,mass_kg,size_m,after"
@@ -437,6 +438,28 @@ def test_a_pod_is_lifted_by_contact_and_set_down_in_the_shared_world(tmp_path: P
     world.put_car(1, np.array([x + 0.4, y + 0.2, np.pi / 2]))  # its body about a leg
     run(0.2)
     assert world.contacts().static >= 1
+    world.close()
+
+
+@pytest.mark.parametrize("fidelity", [Fidelity.KINEMATIC, pytest.param(Fidelity.PHYSICS, marks=pytest.mark.bullet)])
+@pytest.mark.parametrize("quarter", [0.0, np.pi / 2])
+def test_a_pod_is_drawn_to_the_middle_of_the_plate(tmp_path: Path, fidelity: Fidelity, quarter: float) -> None:
+    """Errors of the stops below a pod added up from order to order."""
+    from fleet.world.bullet.world import BulletWorld
+
+    setup = RunSetup.of(config(tmp_path / "orders.csv", FOUR, fidelity, ("lifter",)))
+    world: World = (BulletWorld if fidelity is Fidelity.PHYSICS else KinematicWorld)(setup.scene)
+    arms, pods = setup.scene.arm_start, world.pods
+    assert pods is not None
+    world.put_car(0, setup.scene.pod_start[0] + [0.012, -0.009, 0.03 + quarter])
+    pods.lift(0, 0)
+    for _ in range(round(5.0 / world.tick_s)):
+        world.step(np.zeros((1, 2)), arms, np.zeros_like(arms), np.zeros(len(arms), dtype=np.bool_))
+    assert pods.is_up(0)
+    x, y, _, _, _, qz, qw = pods.poses()[0]
+    car = world.car_poses()[0]
+    assert np.hypot(x - car[0], y - car[1]) <= 0.001
+    assert abs(np.remainder(2.0 * np.arctan2(qz, qw) - car[2] + np.pi / 4, np.pi / 2) - np.pi / 4) <= np.radians(0.1)
     world.close()
 
 

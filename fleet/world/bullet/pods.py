@@ -15,7 +15,7 @@ from fleet.world.bullet.engine.client import Client
 from fleet.world.bullet.engine.frames import quaternion, rotation
 from fleet.world.bullet.engine.urdf_text import without_visuals
 from fleet.world.bullet.vehicles.floor import load_on_floor
-from fleet.world.bullet.vehicles.lift import Hold, Lift
+from fleet.world.bullet.vehicles.lift import CENTRE_S, Hold, Lift
 from fleet.world.pods import NO_CAR
 
 _SETTLE_S = 0.5
@@ -35,6 +35,8 @@ class _Carriage:
     """Since the plate was told to move."""
     hold: Hold | None = None
     """What holds the pod on the plate."""
+    centring: int = 0
+    """Ticks until the pod that is held is in the middle of the plate."""
     lowers: bool = False
 
 
@@ -60,6 +62,7 @@ class PhysicalPods:
         self._lifts = {car: Lift(client, body) for car, body in enumerate(cars) if models[car].lifts is not None}
         self._carriages: dict[int, _Carriage] = {}
         self._wait = round((LIFT_S + _SETTLE_S) / tick_s)
+        self._centring = round(CENTRE_S / tick_s)
         self._near: list[tuple[int, int]] = []
 
     def poses(self) -> FloatArray:
@@ -101,7 +104,8 @@ class PhysicalPods:
 
     def is_up(self, car: int) -> bool:
         """See `PodLifts`."""
-        return car in self._carriages and self._carriages[car].hold is not None
+        carriage = self._carriages.get(car)
+        return carriage is not None and carriage.hold is not None and carriage.centring == 0
 
     def is_down(self, car: int) -> bool:
         """See `PodLifts`."""
@@ -111,13 +115,17 @@ class PhysicalPods:
         """Hold what has been lifted, and forget what has been set down; poses x, y, yaw, shape (n_cars, 3)."""
         for car, carriage in list(self._carriages.items()):
             carriage.ticks += 1
+            lift = self._lifts[car]
+            if carriage.hold is not None and carriage.centring > 0:
+                carriage.centring -= 1
+                carriage.hold = lift.centre(carriage.hold, carriage.centring / (carriage.centring + 1))
             if carriage.hold is not None or carriage.ticks < self._wait:
                 continue
-            lift = self._lifts[car]
             if carriage.lowers and lift.height_m <= _DOWN_M:
                 del self._carriages[car]
             elif not carriage.lowers and lift.height_m >= _UP_M:
                 carriage.hold = lift.hold(self.bodies[carriage.pod])
+                carriage.centring = self._centring
         places = self.poses()[:, None, :2]
         near = np.argwhere(np.hypot(*np.moveaxis(places - car_poses[None, :, :2], -1, 0)) < _NEAR_M)
         carried = {carriage.pod for carriage in self._carriages.values()}

@@ -4,9 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from fleet.robots.twist.pod import LIFT, LIFT_FORCE_N, LIFT_M, LIFT_MPS
 from fleet.world.bullet.engine.client import Client
+from fleet.world.bullet.engine.frames import quaternion
+from fleet.world.pods import centred
 
+CENTRE_S = 1.0
+"""Time in which a load that is up is drawn to the middle of the plate."""
 _HOLD_FORCE_N = 6000.0
 """Force with which a load is held on the plate: more than its weight and its inertia."""
 
@@ -73,6 +79,25 @@ class Lift:
         pose = client.getBasePositionAndOrientation(load)
         place, quat = client.multiplyTransforms(*client.invertTransform(*pose), plate, turn)
         return self.hold_again(Hold(load=load, place=place, quat=quat, constraint=-1))
+
+    def centre(self, hold: Hold, left: float) -> Hold:
+        """Draw a load that is held towards the middle of the plate, square to it, as its cones and the plate's pins do.
+
+        Args:
+            hold: How it is held.
+            left: The share of its distance from there that is left.
+        """
+        client, plate_z = self._client, hold.place[2]
+        yaw = client.getEulerFromQuaternion(hold.quat)[2]
+        x, y, turned = centred(np.array([*hold.place[:2], yaw]), left).tolist()
+        nearer = replace(hold, place=(x, y, plate_z), quat=quaternion(turned))
+        client.changeConstraint(
+            hold.constraint,
+            jointChildPivot=nearer.place,
+            jointChildFrameOrientation=nearer.quat,
+            maxForce=_HOLD_FORCE_N,
+        )
+        return nearer
 
     def hold_again(self, before: Hold) -> Hold:
         """Hold a load as it was held before."""
