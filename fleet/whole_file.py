@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
+import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -36,6 +37,36 @@ def write_whole(path: Path, content: str | bytes) -> None:
     finally:
         if draft is not target:
             draft.unlink(missing_ok=True)
+
+
+@contextmanager
+def draft_of(path: Path) -> Iterator[Path]:
+    """A file to write beside another one, whose place it takes in one step at the end if nothing was raised.
+
+    Args:
+        path: The file that it becomes; a link is followed.
+
+    Raises:
+        OSError: It cannot take the place; what was there is left.
+    """
+    target = path.resolve()
+    draft = target.with_name(f".{target.name}.part")
+    try:
+        yield draft
+        draft.replace(target)
+    finally:
+        draft.unlink(missing_ok=True)
+
+
+def takes_file(path: Path) -> bool:
+    """Whether a file can be written at a path, by making one beside it: rights do not tell it of `/proc`."""
+    if path.exists() and not path.is_file():
+        return not path.is_dir() and os.access(path, os.W_OK)
+    try:
+        with tempfile.TemporaryFile(dir=path.parent):
+            return True
+    except OSError:
+        return False
 
 
 @contextmanager

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -14,7 +13,7 @@ from fleet.evaluation.errors import EvaluationError
 from fleet.evaluation.players import Player
 from fleet.evaluation.scenarios import scenario_named
 from fleet.evaluation.scores import SplitScores
-from fleet.whole_file import write_whole
+from fleet.whole_file import takes_file, write_whole
 from maps.reading.text_file import read_json
 
 FORMAT = 1
@@ -70,7 +69,7 @@ def require_writable(path: Path) -> None:
     Raises:
         EvaluationError: It is a folder, or its folder is not there or may not be written to.
     """
-    if path.is_dir() or not path.parent.is_dir() or not os.access(path if path.exists() else path.parent, os.W_OK):
+    if not takes_file(path):
         raise EvaluationError(f"{path} cannot be written; valid: a file in a folder that is there and can be written")
 
 

@@ -9,6 +9,7 @@ from subprocess import CompletedProcess
 
 from fleet.recording.errors import RecordingError
 from fleet.recording.rerun_cli import run_rerun
+from fleet.whole_file import draft_of
 
 _ROWS = re.compile(r"^num_rows = ([\d\s]+)$", re.MULTILINE)
 """The line of ``rerun rrd stats`` with the number of rows, in groups of three digits."""
@@ -50,9 +51,8 @@ def mend_recording(path: Path) -> Mended:
         raise RecordingError(f"{path}: nothing in it can be read; valid: a recording with data")
     if _verified(path):
         return Mended(rows=rows, changed=False)
-    part = path.with_name(f".{path.name}.mended")
-    try:
-        done = _rerun("optimize", str(path.resolve()), "-o", str(part.resolve()))
+    with draft_of(path) as part:
+        done = _rerun("optimize", str(path.resolve()), "-o", str(part))
         if done.returncode or not part.is_file() or not _verified(part):
             said = (done.stderr.strip().splitlines() or ["it gave no reason"])[-1]
             raise RecordingError(f"{path} cannot be mended: {said}; it was left as it was")
@@ -62,9 +62,6 @@ def mend_recording(path: Path) -> Mended:
         now = path.stat()
         if (now.st_size, now.st_mtime_ns) != (before.st_size, before.st_mtime_ns):
             raise RecordingError(f"{path} is still being written; valid: the recording of a run that has ended")
-        part.replace(path)
-    finally:
-        part.unlink(missing_ok=True)
     return Mended(rows=rows, changed=True)
 
 

@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from fleet.recording.errors import RecordingError
+from fleet.whole_file import draft_of
 
 
 def rerun_program() -> Path:
@@ -38,16 +39,14 @@ def compact(path: Path) -> bool:
     Returns:
         False, with the file as it was, if that did not work.
     """
-    part = path.with_name(f".{path.name}.part")
     try:
-        done = run_rerun(["rrd", "optimize", str(path.resolve()), "-o", str(part.resolve())])
-        if done.returncode == 0:
-            part.replace(path)
-        return done.returncode == 0
+        with draft_of(path) as part:
+            done = run_rerun(["rrd", "optimize", str(path.resolve()), "-o", str(part)])
+            if done.returncode:
+                raise RecordingError(f"{path}: its chunks cannot be put together")
     except (OSError, RecordingError):
         return False
-    finally:
-        part.unlink(missing_ok=True)
+    return True
 
 
 @contextmanager

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import tempfile
 from pathlib import Path
 
 from fleet.config import require
+from fleet.whole_file import takes_file
 
 
 def require_writable(name: str, path: Path, suffix: str) -> None:
@@ -20,14 +20,4 @@ def require_writable(name: str, path: Path, suffix: str) -> None:
         ConfigError: Its name ends otherwise, its folder is not there or cannot be written, or it is a folder itself.
     """
     require(path.suffix.lower() == suffix, name, str(path), f"a file whose name ends in {suffix}")
-    writable = not path.is_dir() and _takes_files(path.parent)
-    require(writable, name, str(path), "a file in a folder that is there and can be written")
-
-
-def _takes_files(folder: Path) -> bool:
-    """Whether files can be made in a folder: rights do not tell it of `/proc`."""
-    try:
-        with tempfile.TemporaryFile(dir=folder):
-            return True
-    except OSError:
-        return False
+    require(takes_file(path), name, str(path), "a file in a folder that is there and can be written")

@@ -2,11 +2,12 @@
 
 import os
 import stat
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
 
-from fleet.whole_file import whole_folder, write_whole
+from fleet.whole_file import draft_of, takes_file, whole_folder, write_whole
 
 
 def test_a_file_is_replaced_and_nothing_else_is_left(tmp_path: Path) -> None:
@@ -60,3 +61,23 @@ def test_a_folder_whose_files_cannot_be_written_is_taken_away_again(
     with pytest.raises(OSError, match="No space left"):
         write(tmp_path)
     assert tmp_path.is_dir()
+
+
+def test_a_draft_takes_the_place_of_a_file_or_leaves_nothing(tmp_path: Path) -> None:
+    """What was written of curves was left beside them when writing ended early."""
+    path = tmp_path / "a.txt"
+    for content, stays in (("one", "one"), ("two", "one")):
+        with suppress(KeyError), draft_of(path) as draft:
+            draft.write_text(content, encoding="utf-8")
+            if content == "two":
+                raise KeyError
+        assert [(file.name, file.read_text(encoding="utf-8")) for file in tmp_path.iterdir()] == [("a.txt", stays)]
+
+
+def test_where_files_can_be_written_is_tried(tmp_path: Path) -> None:
+    assert takes_file(tmp_path / "new")
+    assert takes_file(Path("/dev/null"))
+    assert not takes_file(tmp_path)
+    assert not takes_file(tmp_path / "nowhere" / "new")
+    assert not takes_file(Path("/proc/new"))
+    assert not list(tmp_path.iterdir())
