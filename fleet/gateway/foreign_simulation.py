@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
@@ -15,6 +14,7 @@ from fleet.gateway.errors import GatewayError
 from fleet.gateway.foreign_driver import ForeignDriver
 from fleet.gateway.foreign_vehicles import ForeignVehicles
 from fleet.gateway.node_map import DEVIATION_M, DEVIATION_RAD
+from fleet.robots.angle import wrapped_all
 from fleet.run.events import Event
 from fleet.run.setup import RunSetup
 from fleet.simulation import Actions, Simulation
@@ -83,7 +83,7 @@ def _states(graph: LaneGraph, poses: Sequence[tuple[float, float, float]]) -> np
     found: list[int] = []
     for car, (x, y, theta) in enumerate(poses):
         off_m = np.hypot(graph.state_pose[:, 0] - x, graph.state_pose[:, 1] - y)
-        turn = np.abs((graph.state_pose[:, 2] - theta + math.pi) % math.tau - math.pi)
+        turn = np.abs(wrapped_all(graph.state_pose[:, 2] - theta))
         off_m[turn > DEVIATION_RAD] = np.inf
         state = int(off_m.argmin())
         if off_m[state] > DEVIATION_M:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping
 from functools import cached_property
 
@@ -14,6 +13,7 @@ from fleet.insight.codebook import Codebook, codebook_of
 from fleet.insight.metrics import Metrics, Summary
 from fleet.insight.slip import SlipMeter
 from fleet.insight.time_accounts import TimeAccounts
+from fleet.robots.angle import wrapped_all
 from fleet.run.view import RunView
 from fleet.tasks.batches import Batches
 from maps.vehicle import TURN_M_PER_RAD
@@ -84,7 +84,7 @@ class Figures:
         """How fast cars move along paths, where turns on the spot have a length, too [m/s], shape (n_cars,)."""
         if not self._pivots.any():
             return speeds
-        turned = (poses[:, 2] - self._yaws + math.pi) % math.tau - math.pi
+        turned = wrapped_all(poses[:, 2] - self._yaws)
         self._yaws = poses[:, 2].copy()
         return np.maximum(np.abs(speeds), self._pivots * TURN_M_PER_RAD * np.abs(turned) / self._run.tick_s)
 

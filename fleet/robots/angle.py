@@ -19,6 +19,11 @@ def wrapped(angle: float) -> float:
     return turned % (2.0 * math.pi) - math.pi
 
 
+def wrapped_all(angles: FloatArray) -> FloatArray:
+    """The same of many angles, any shape; without a kernel, as it is one line of numpy."""
+    return (angles + math.pi) % math.tau - math.pi
+
+
 @njit(cache=True)
 def rotation_into(quat: FloatArray, turn: FloatArray) -> None:
     """Fill in the matrix of a unit quaternion x, y, z, w, shape (3, 3)."""

@@ -12,6 +12,7 @@ from numba import njit
 
 from fleet.arrays import FloatArray, IntArray
 from fleet.errors import ConfigError, FleetError
+from fleet.robots.angle import wrapped_all
 from fleet.world.kinematic import CommandError, PlanarWorld
 from fleet.world.scene import Scene
 from maps.lane_graph import LaneGraph, MoveKind
@@ -135,7 +136,7 @@ class GridCars:
     def _state_at(self, car: int, pose: FloatArray) -> int:
         first = int(self._first_of[car])
         offset = self._state_pose[first : first + self._n_places] - pose
-        turn = np.abs((offset[:, 2] + math.pi) % (2.0 * math.pi) - math.pi)
+        turn = np.abs(wrapped_all(offset[:, 2]))
         distance = np.hypot(offset[:, 0], offset[:, 1])
         distance[turn > START_TOLERANCE_RAD] = np.inf
         state = int(np.argmin(distance))

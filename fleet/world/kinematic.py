@@ -12,7 +12,7 @@ from numba import njit
 
 from fleet.arrays import BoolArray, FloatArray, IntArray
 from fleet.errors import ConfigError, FleetError
-from fleet.robots.angle import wrapped
+from fleet.robots.angle import wrapped, wrapped_all
 from fleet.robots.cars.models import CarModels
 from fleet.robots.twist.motion import TwistMotion
 from fleet.sensors.camera import Camera, CameraImage
@@ -173,7 +173,7 @@ class UnlikeCars(_CarStates):
             motion.load((self.poses[cars], self.speeds[cars], self.steering[cars]))
             motion.step(commands[cars][:, ::-1].copy())
             self.poses[cars], self.speeds[cars], self.steering[cars] = motion.save()
-        self.poses[:, 2] = (self.poses[:, 2] + math.pi) % (2.0 * math.pi) - math.pi
+        self.poses[:, 2] = wrapped_all(self.poses[:, 2])
 
 
 @dataclass(frozen=True, kw_only=True)

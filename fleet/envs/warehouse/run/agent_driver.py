@@ -12,6 +12,7 @@ from numba import njit
 
 from fleet.arrays import BoolArray, CellArray, FloatArray
 from fleet.config import EstimateConfig
+from fleet.robots.angle import wrapped
 from fleet.robots.cars.models import CarModels
 from fleet.traffic.drivers import AT_REST_MPS, OFF_LANE_M, OFF_LANE_RAD, RELEASE_M, PathDriver
 from fleet.world.protocol import World
@@ -217,7 +218,7 @@ def _count_passed(estimate, gates, n_gates, passed):
             cos, sin = math.cos(yaw), math.sin(yaw)
             dx, dy = estimate[car, 0] - gates[car, k, 0], estimate[car, 1] - gates[car, k, 1]
             ahead, left = cos * dx + sin * dy, cos * dy - sin * dx
-            turn = (estimate[car, 2] - yaw + math.pi) % (2.0 * math.pi) - math.pi
+            turn = wrapped(estimate[car, 2] - yaw)
             beyond = -ahead if gates[car, k, 3] else ahead
             if -gates[car, k, 4] <= beyond <= GATE_M and abs(left) <= OFF_LANE_M and abs(turn) <= OFF_LANE_RAD:
                 passed[car] = k + 1
