@@ -25,6 +25,9 @@ class Attention(nn.Module):
     Source: A. Vaswani et al., "Attention Is All You Need", arXiv:1706.03762, 2017, one layer without its perceptron.
     """
 
+    own: Tensor
+    """Columns of what an agent knows of itself."""
+
     def __init__(self, kind: AgentType, width: int, generator: torch.Generator) -> None:
         super().__init__()
         self._groups, self._chosen = kind.layout.groups, kind.layout.chosen

@@ -80,7 +80,8 @@ class _Samples:
         return self._each(lambda one: one[:n])
 
     def _each(self, part: Callable[[Tensor], Tensor]) -> _Samples:
-        return _Samples(**{name: None if one is None else part(one) for name, one in vars(self).items()})
+        parts: dict[str, Any] = {name: None if one is None else part(one) for name, one in vars(self).items()}
+        return _Samples(**parts)
 
 
 class _Shown(NamedTuple):
@@ -94,8 +95,11 @@ class _Shown(NamedTuple):
 
     def then(self, later: _Shown) -> _Shown:
         """These samples and later ones."""
-        pairs = zip(self, later, strict=True)
-        return _Shown(*(None if one is None else torch.cat((one, other)) for one, other in pairs))
+        return _Shown(
+            rows=torch.cat((self.rows, later.rows)),
+            mask=None if self.mask is None or later.mask is None else torch.cat((self.mask, later.mask)),
+            actions=torch.cat((self.actions, later.actions)),
+        )
 
 
 class Learner:
