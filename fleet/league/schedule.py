@@ -169,34 +169,62 @@ def _shortlist(
 ) -> None:  # pragma: no cover - compiled
     """The cheapest tasks of each robot in order, shape (robots, width), and their costs; -1 where there are no more.
 
-    No way is shorter than rows and columns apart, so most tasks are out of the question before a cost is looked up.
+    No way is shorter than rows and columns apart. Where that is least, costs are looked up first: then most of the
+    other tasks are out of the question without. Of equal costs the earlier task comes first.
     """
-    width = best.shape[1]
+    n_tasks, width = len(rows), best.shape[1]
+    least = np.empty(n_tasks, dtype=np.int64)
+    likely = np.empty(width, dtype=np.int32)
+    looked_at = np.full(n_tasks, -1, dtype=np.int32)
     for robot in range(len(states)):
-        filled = 0
+        row, col = here[robot, 0], here[robot, 1]
+        for other in range(n_tasks):
+            apart = abs(row - there[other, 0]) + abs(col - there[other, 1])
+            least[other] = _HASTE * unit * apart + length[other]
+        _least_first(least, likely)
+        keys, chosen = key[robot], best[robot]
+        keys[:], chosen[:] = _NONE, -1
         first, end = costs.look.ptr[states[robot]], costs.look.ptr[states[robot] + 1]
-        for task in range(len(rows)):
-            apart = abs(here[robot, 0] - there[task, 0]) + abs(here[robot, 1] - there[task, 1])
-            if filled == width and _HASTE * unit * apart + length[task] >= key[robot, width - 1]:
+        for k in range(width + n_tasks):
+            task = np.int32(likely[k] if k < width else k - width)
+            if looked_at[task] == robot or not _is_before(least[task], task, keys, chosen, width - 1):
                 continue
+            looked_at[task] = robot
             way = np.int64(2**20)
             for j in range(first, end):
                 ahead = costs.look.scale * np.int64(costs.table[rows[task], costs.look.key[j]])
                 way = min(way, costs.look.ahead[j] + ahead)
             value = _HASTE * way + length[task]
-            if filled == width and value >= key[robot, width - 1]:
+            if not _is_before(value, task, keys, chosen, width - 1):
                 continue
-            place = min(filled, width - 1)
-            while place > 0 and key[robot, place - 1] > value:
-                key[robot, place] = key[robot, place - 1]
-                best[robot, place] = best[robot, place - 1]
+            place = width - 1
+            while place > 0 and _is_before(value, task, keys, chosen, place - 1):
+                keys[place], chosen[place] = keys[place - 1], chosen[place - 1]
                 place -= 1
-            key[robot, place] = value
-            best[robot, place] = task
-            filled = min(filled + 1, width)
-        for place in range(filled, width):
-            key[robot, place] = _NONE
-            best[robot, place] = -1
+            keys[place], chosen[place] = value, task
+
+
+@njit(cache=True, nogil=True)
+def _is_before(
+    value: np.int64, task: np.int32, keys: Int64Array, chosen: IntArray, place: int
+) -> bool:  # pragma: no cover - compiled
+    """Whether a task of some cost comes before the one at a place of a shortlist."""
+    return bool(value < keys[place] or (value == keys[place] and task < chosen[place]))
+
+
+@njit(cache=True, nogil=True)
+def _least_first(numbers: Int64Array, chosen: IntArray) -> None:  # pragma: no cover - compiled
+    """Fill in where the smallest numbers are, in order."""
+    filled, width = 0, len(chosen)
+    for k in range(len(numbers)):
+        if filled == width and numbers[k] >= numbers[chosen[width - 1]]:
+            continue
+        place = min(filled, width - 1)
+        while place > 0 and numbers[chosen[place - 1]] > numbers[k]:
+            chosen[place] = chosen[place - 1]
+            place -= 1
+        chosen[place] = k
+        filled = min(filled + 1, width)
 
 
 @njit(cache=True, nogil=True)

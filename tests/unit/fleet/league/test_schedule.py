@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -11,7 +13,9 @@ from fleet.league.schedule import TaskSchedule
 from maps.formats.lorr import LeagueProblem
 from maps.grid import EAST
 from maps.lane_graph import grid_lane_graph
-from planners.mapf.multi_step.goal_costs import GoalCosts
+from planners.mapf.arrays import IntArray
+from planners.mapf.multi_step.goal_costs import GoalCosts, left
+from planners.mapf.multi_step.multi_step_kernel import Costs
 from tests.unit.fleet.league.problems import CORRIDOR, ROOM, problem_of, random_problem
 
 
@@ -137,3 +141,26 @@ def test_every_task_has_one_robot_however_few_are_asked(
         arena.apply(states, task_of)
     assert arena.schedule_errors == []
     assert arena.planner_errors == []
+
+
+def test_robots_are_offered_their_cheapest_tasks_in_order(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of equal costs, of which there are many on a small floor, the earlier task comes first."""
+    monkeypatch.setattr(schedule_module, "_EXACT_PAIRS", 0)
+    arena, schedule = begin(random_problem(3))
+    kernel, n_offers = schedule_module._shortlist, 0
+
+    def checked(costs: Costs, states: IntArray, rows: IntArray, length: IntArray, *more: Any) -> None:
+        nonlocal n_offers
+        kernel(costs, states, rows, length, *more)
+        best, key = more[-2:]
+        for robot, state in enumerate(states):
+            ways = left(costs, np.full(len(rows), state), rows)
+            values = schedule_module._HASTE * ways.astype(np.int64) + length
+            order = np.argsort(values, kind="stable")[: best.shape[1]]
+            assert best[robot].tolist() == order.tolist()
+            assert key[robot].tolist() == values[order].tolist()
+            n_offers += len(order)
+
+    monkeypatch.setattr(schedule_module, "_shortlist", checked)
+    schedule.assign(arena, everybody=True)
+    assert n_offers > 100
