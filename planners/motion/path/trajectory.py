@@ -24,6 +24,7 @@ _CELL_RAD = 0.02
 _LINE_CELLS = 4
 _BLEND_CELLS = 8
 _BISECTIONS = 24  # speed bounds to 1e-7 of the largest
+_MOST_BISECTIONS = 100  # where the bound is smaller than that, as on a piece of 1e-8 rad: not zero, or it never ends
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -211,7 +212,9 @@ def _speeds(
             continue
         inside = 0.0
         outside = top[c]
-        for _ in range(_BISECTIONS):
+        for k in range(_MOST_BISECTIONS):
+            if k >= _BISECTIONS and inside > 0.0:
+                break
             x = 0.5 * (inside + outside)
             low, high = _push_range(x, size[c], tangent[c], curve[c], max_acceleration, top[c + 1])
             if low <= high:

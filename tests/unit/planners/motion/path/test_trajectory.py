@@ -121,3 +121,15 @@ def test_malformed_input_is_named(change, message):  # type: ignore[no-untyped-d
     arguments = {"path": PATHS["line"], "max_velocity": VELOCITY, "max_acceleration": ACCELERATION, "dt_s": 0.01}
     with pytest.raises(PlanningError, match=message):
         retime(**(arguments | change))
+
+
+def test_pieces_of_rounding_errors_do_not_end_a_motion():
+    """Lines to a tip end in pieces of 1e-8 rad at times; the speed there was found as zero, and a run broke off."""
+    rng = np.random.default_rng(0)
+    limits = np.full(7, 0.9), np.full(7, 3.0)
+    for size in (1e-6, 1e-7, 2.4e-8, 3e-9):
+        path = np.cumsum(rng.normal(size=(8, 7)) * 0.01, axis=0)
+        pieces = path[-1] + np.cumsum(rng.normal(size=(2, 7)) * size / np.sqrt(7), axis=0)
+        long = np.vstack((path, pieces))
+        assert retime(long, *limits, 0.01).t[-1] == pytest.approx(retime(path, *limits, 0.01).t[-1], abs=0.05)
+        assert retime(long[::-1], *limits, 0.01).t[-1] < 2.0
