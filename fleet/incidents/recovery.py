@@ -553,6 +553,8 @@ class Recovery:
     def _cells_of(self, car: int, poses: FloatArray) -> list[int]:
         """Cells under the body of a car at any of the poses."""
         grid = self._run.site.grid
-        row, col = cell_of(outline(poses, self._run.scene.cars[car], 0.0).reshape(-1, 2), grid.rows, grid.cell_m)
+        row, col = cell_of(
+            outline(poses, self._run.scene.cars[car].footprint, 0.0).reshape(-1, 2), grid.rows, grid.cell_m
+        )
         on_map = (row >= 0) & (row < grid.rows) & (col >= 0) & (col < grid.cols)
         return np.unique((row * grid.cols + col)[on_map]).tolist()

@@ -8,8 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from fleet.arrays import FloatArray
-from fleet.robots.spec import CarSpec
 from fleet.run.view import RunView
+from maps.vehicle import Footprint
 
 SEARCH_M = 2.2
 """How far from the car a state to rejoin may be."""
@@ -33,10 +33,10 @@ tail towards the wall, by the square of what is behind the rear axle over twice 
 class RejoinRoom:
     """Where a car may be while it manoeuvres.
 
-    The body stays in usable cells and in those it stands in, and `MARGIN_M` from walls, obstacles, arms' feet and other
-    cars. What it stands nearer to than that, or inside, it must get away from: over the first half of `WAY_OUT_M` it
-    may be as near to that as it stands, and then what it may be too near falls to nothing. To all else it keeps the
-    margin.
+    The body, of a car that lifts pods with one, stays in usable cells and in those it stands in, and `MARGIN_M` from
+    walls, obstacles, arms' feet and other cars. What it stands nearer to than that, or inside, it must get away from:
+    over the first half of `WAY_OUT_M` it may be as near to that as it stands, and then what it may be too near falls to
+    nothing. To all else it keeps the margin.
 
     Args:
         run: Site, cars, obstacles.
@@ -58,12 +58,12 @@ class RejoinRoom:
         self._leaves = 0.0
         grid = run.site.grid
         models = run.scene.cars
-        self._spec, self._cell_m, self._rows = models[car], grid.cell_m, grid.rows
+        self._shape, self._cell_m, self._rows = models[car].footprint, grid.cell_m, grid.rows
         open_cells = grid.free & ~run.traffic.blocked.reshape(grid.rows, grid.cols)
         # One more cell all around, so that neighbours need no special case.
         self._open = np.pad(open_cells, 1)
         self.start = start
-        body = outline(start[None], self._spec, 0.0)[0]
+        body = outline(start[None], self._shape, 0.0)[0]
         row, col = cell_of(body, grid.rows, grid.cell_m)
         self.usable = usable
         allowed = np.pad(usable, 1)
@@ -78,7 +78,7 @@ class RejoinRoom:
         self._corners = corners[np.hypot(*(corners - start[:2]).T) < 2 * SEARCH_M]
         poses = run.driver.estimate
         near = np.flatnonzero(np.hypot(*(poses - start)[:, :2].T) < 2 * SEARCH_M)
-        self._bodies = [(poses[other], models[other]) for other in near[near != car].tolist()]
+        self._bodies = [(poses[other], models[other].footprint) for other in near[near != car].tolist()]
         self._depths = self._too_near(start[None])
         touches = self._depths > margin_m - TOUCHES_M
         # Points that touch walls may do so all alike; the others may come near to them, but not touch them.
@@ -110,7 +110,7 @@ class RejoinRoom:
 
     def valid(self, poses: FloatArray) -> npt.NDArray[np.bool_]:
         """Which of the poses (k, 3) the car may take, shape (k,)."""
-        row, col = self._cells(outline(poses, self._spec, 0.0))
+        row, col = self._cells(outline(poses, self._shape, 0.0))
         held_by_nobody = (self._allowed | ~self._open)[row, col].all(axis=1)
         away = np.hypot(poses[:, 0] - self.start[0], poses[:, 1] - self.start[1])
         way_out_m = np.maximum(self._way_out_m, 2.0 * self._depths)
@@ -130,19 +130,21 @@ class RejoinRoom:
         For walls, each point of the outline counts for itself: a car whose nose stands at a wall must not come to it
         with its tail.
         """
-        points = outline(poses, self._spec, self._margin_m)
-        edges = _depth_in_body(self._corners[None], poses[:, None], self._spec, self._margin_m).max(axis=1, initial=0.0)
+        points = outline(poses, self._shape, self._margin_m)
+        edges = _depth_in_body(self._corners[None], poses[:, None], self._shape, self._margin_m).max(
+            axis=1, initial=0.0
+        )
         # Cells beside an arm are kept clear: who was pushed there may go through them, round the foot.
         feet = [
-            self._margin_m + foot_m - _apart(poses, foot, self._spec)
+            self._margin_m + foot_m - _apart(poses, foot, self._shape)
             for foot, foot_m in zip(self._feet, self._foot_m, strict=True)
         ]
         depths = [*self._into_walls(points).T, edges, *(np.maximum(foot, 0.0) for foot in feet)]
-        for body, model in self._bodies:
-            inside = _depth_in_body(points, body[None, None], model)
-            corners = outline(body[None], model, self._margin_m)
+        for body, shape in self._bodies:
+            inside = _depth_in_body(points, body[None, None], shape)
+            corners = outline(body[None], shape, self._margin_m)
             depths.append(
-                np.maximum(inside.max(axis=1), _depth_in_body(corners, poses[:, None], self._spec).max(axis=1))
+                np.maximum(inside.max(axis=1), _depth_in_body(corners, poses[:, None], self._shape).max(axis=1))
             )
         return np.stack(depths, axis=1)
 
@@ -163,7 +165,7 @@ class RejoinRoom:
         return nearest
 
 
-def outline(poses: FloatArray, car: CarSpec, margin_m: float) -> FloatArray:
+def outline(poses: FloatArray, car: Footprint, margin_m: float) -> FloatArray:
     """Points around the body and a margin at each pose, at most 0.15 m apart along its sides, shape (k, 12, 2)."""
     along = np.linspace(-car.rear_m - margin_m, car.front_m + margin_m, 5)
     side = car.half_width_m + margin_m
@@ -182,7 +184,7 @@ def _corners(is_open: npt.NDArray[np.bool_], cell_m: float) -> FloatArray:
     return np.stack([col - 1.0, len(is_open) - 1.0 - row], axis=-1) * cell_m
 
 
-def _depth_in_body(points: FloatArray, poses: FloatArray, car: CarSpec, margin_m: float = 0.0) -> FloatArray:
+def _depth_in_body(points: FloatArray, poses: FloatArray, car: Footprint, margin_m: float = 0.0) -> FloatArray:
     """How far points (k or 1, m, 2) are inside bodies and a margin at poses (k or 1, 1, 3) [m], shape (k, m)."""
     middle = (car.front_m - car.rear_m) / 2
     dx, dy = points[..., 0] - poses[..., 0], points[..., 1] - poses[..., 1]
@@ -192,7 +194,7 @@ def _depth_in_body(points: FloatArray, poses: FloatArray, car: CarSpec, margin_m
     return np.maximum(np.minimum(ahead, left), 0.0)
 
 
-def _apart(poses: FloatArray, point: FloatArray, car: CarSpec) -> FloatArray:
+def _apart(poses: FloatArray, point: FloatArray, car: Footprint) -> FloatArray:
     """Distance of a point x, y from the body at each pose (k, 3) [m]; 0 inside, shape (k,)."""
     dx, dy = point[0] - poses[:, 0], point[1] - poses[:, 1]
     cos, sin = np.cos(poses[:, 2]), np.sin(poses[:, 2])

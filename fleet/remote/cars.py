@@ -162,7 +162,9 @@ class RemoteCars:
     def _under(self, car: int, way: FloatArray, margin_m: float) -> frozenset[int]:
         """Cells under a body and a margin at poses; -1 for what is beyond the floor."""
         grid = self._run.site.grid
-        row, col = cell_of(outline(way, self._run.scene.cars[car], margin_m).reshape(-1, 2), grid.rows, grid.cell_m)
+        row, col = cell_of(
+            outline(way, self._run.scene.cars[car].footprint, margin_m).reshape(-1, 2), grid.rows, grid.cell_m
+        )
         on_floor = (row >= 0) & (row < grid.rows) & (col >= 0) & (col < grid.cols)
         return frozenset(np.unique(np.where(on_floor, row * grid.cols + col, -1)).tolist())
 

@@ -228,6 +228,23 @@ def test_what_becomes_of_a_pod_does_not_depend_on_how_far_the_plate_had_come(
         assert simulation.board.named("c").reason == f"pod_2 is on car_{car}, which has given it up"
 
 
+@pytest.mark.parametrize("time_s", [33.0, 50.0])
+def test_a_carrier_that_was_pushed_comes_back_with_its_pod_and_touches_nothing(make: Make, time_s: float) -> None:
+    """It was brought back as if there were no pod on it, whose corners came into walls and shelves."""
+    lines = (FLOOR.parent / "orders.csv").read_text(encoding="utf-8").splitlines()[1:3]
+    more = HEAD.count(",") - lines[0].count(",")
+    with make(
+        *(line + "," * more for line in lines), fidelity=Fidelity.KINEMATIC, models=("lifter",) * 2
+    ) as simulation:
+        while simulation.sim_s < time_s:
+            simulation.tick()
+        simulation.world.shove_car(0, 0.2, 0.1, 0.2)
+        simulation.run()
+        assert {task.state for task in simulation.board.tasks} == {TaskState.DONE}
+        contacts = simulation.world.contacts()
+        assert (contacts.robot, contacts.static) == (0, 0)
+
+
 def test_a_towed_carrier_leaves_its_pod_at_home(make: Make) -> None:
     with make(FOUR[0], models=("lifter", "lifter")) as simulation:
         car = until_lifted(simulation, "a")
