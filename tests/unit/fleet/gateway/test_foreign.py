@@ -137,6 +137,34 @@ def test_messages_that_cannot_be_read_or_are_late_are_left_alone() -> None:
     assert vehicles.taken_notes() == []
 
 
+@pytest.mark.parametrize(
+    ("fields", "words"),
+    [
+        ({"mobileRobotPosition": 7}, "state.mobileRobotPosition is 7; valid: an object"),
+        ({"mobileRobotPosition": {"x": "here"}}, "state.mobileRobotPosition.x is 'here'; valid: a number"),
+        ({"mobileRobotPosition": {"x": float("nan")}}, "state.mobileRobotPosition.x is nan; valid: a number"),
+        ({"mobileRobotPosition": {"y": 10**400}}, "state.mobileRobotPosition.y is an integer of 1329 bits"),
+        ({"headerId": float("inf")}, "state.headerId is inf; valid: an integer >= 0"),
+        ({"headerId": -1}, "state.headerId is -1; valid: an integer >= 0"),
+        ({"timestamp": "tomorrow"}, "state.timestamp is 'tomorrow'; valid: as 2026-01-31T12:00:00.000Z"),
+        ({"timestamp": 7}, "state.timestamp is 7; valid: a text"),
+    ],
+)
+def test_a_state_that_says_nonsense_is_told_and_the_next_one_is_heard(fields: dict[str, Any], words: str) -> None:
+    broker = MemoryBroker()
+    identity = GatewayConfig(dialect="3.0.0").identity(0)
+    vehicles = ForeignVehicles([identity], DIALECTS["3.0.0"], broker, START)
+    good = {"version": "3.0.0", "headerId": 1, "timestamp": "2026-01-01T00:00:00.000Z"}
+    good["mobileRobotPosition"] = {"x": 1.0, "y": 2.0, "theta": 0.0}
+    for body in (good | fields, good):
+        payload = json.dumps(body).encode()
+        broker.publish(Post(topic=identity.topic("v3", "state"), payload=payload, qos=0, retain=False))
+        vehicles.hear()
+    (note,) = vehicles.taken_notes()
+    assert words in note.cause
+    assert vehicles.pose(0) == (1.0, 2.0, 0.0)
+
+
 def test_a_vehicle_whose_clock_runs_backwards_or_that_begins_anew_is_heard() -> None:
     broker = MemoryBroker()
     identity = GatewayConfig(dialect="3.0.0").identity(0)
