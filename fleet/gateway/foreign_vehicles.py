@@ -137,6 +137,16 @@ class ForeignVehicles:
             )
         return float(position["x"]), float(position["y"]), float(position["theta"])
 
+    def troubles(self) -> list[str]:
+        """A line for each vehicle that is gone, and for each error that one reports."""
+        found = []
+        for name, state, is_online in zip(self._identities, self.states, self.is_online, strict=True):
+            who = f"vehicle {name.manufacturer}/{name.serial}"
+            if not is_online:
+                found.append(f"{who} is not online")
+            found += [f"{who} reports {kind}: {words}" for kind, words in _errors(state or {}).items()]
+        return found
+
     def _note(self, note: VehicleNote) -> None:
         if self._last_note.get(note.car) != note:
             self._last_note[note.car] = note
@@ -162,6 +172,9 @@ class ForeignVehicles:
             self._note(VehicleNote(car=car, what="clock_went_back", of="state", cause=words))
         self._newest[car] = stamp
         self.is_online[car] = True
+        before_errors, errors = _errors(self.states[car] or {}), _errors(body)
+        for kind in sorted(errors.keys() - before_errors.keys()):
+            self._note(VehicleNote(car=car, what="vehicle_error", of=kind, cause=errors[kind]))
         book = self.books[car]
         if book is not None:
             book.heard(body)
@@ -190,3 +203,11 @@ def _check_position(state: Body) -> None:
         for name in ("x", "y", "theta"):
             if name in position:
                 number_of(position, name, where)
+
+
+def _errors(state: Body) -> dict[str, str]:
+    """Types of the errors that a vehicle reports, and what it says of the last one of each."""
+    return {
+        str(error["errorType"]): shown(error.get("errorDescription", "")).strip("'")
+        for error in state.get("errors", ())
+    }

@@ -95,7 +95,10 @@ class DriveCommand(Connection):
                 return simulation
 
             result = run_session(config, session, make)
+            troubles = vehicles.troubles()
         show_run(console, result, self.out, recorded=self.record)
+        for trouble in troubles:
+            console.print(trouble, soft_wrap=True, markup=False)
         return exit_status(console, result, self.duration)
 
     @staticmethod

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Callable, Sequence
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from typing import Any
 
 import pytest
@@ -14,6 +14,7 @@ from fleet.gateway.errors import GatewayError
 from fleet.gateway.foreign_simulation import ForeignSimulation
 from fleet.gateway.foreign_vehicles import ForeignVehicles
 from fleet.gateway.transport import MemoryBroker
+from fleet.run.events import Event
 from fleet.vda5050.dialects import DIALECTS
 from fleet.vda5050.envelope import Post
 from tests.unit.fleet.gateway.test_faults import BadNetwork
@@ -163,6 +164,34 @@ def test_a_state_that_says_nonsense_is_told_and_the_next_one_is_heard(fields: di
     (note,) = vehicles.taken_notes()
     assert words in note.cause
     assert vehicles.pose(0) == (1.0, 2.0, 0.0)
+
+
+def test_a_vehicle_that_was_killed_and_carried_off_is_told_with_what_it_says_of_its_order(halls: Any) -> None:
+    """Vehicles that start anew elsewhere take no order that begins where they were: nothing is driven, and all is told."""
+    hall = halls("2.1.0", 2, tasks=2)
+    told: list[Event] = []
+    hall.master.events.subscribe(told.append)
+    for _ in range(400):
+        hall.cars.tick()
+        hall.master.tick()
+        hall.broker.tick()
+    for car in hall.cars.gateway.cars:
+        car.link.kill()
+    hall.master.tick()
+    assert hall.vehicles.troubles() == ["vehicle fleet/car_0 is not online", "vehicle fleet/car_1 is not online"]
+    gateway = GatewayConfig(dialect="2.1.0", start=START + timedelta(seconds=100))
+    cars = RunConfig(site="small", robots=2, fidelity=Fidelity.KINEMATIC, arms=ARMS)
+    with MasteredSimulation(cars, gateway, hall.broker) as again:
+        stood = again.world.car_poses()[:, :2].copy()
+        for _ in range(200):
+            again.tick()
+            hall.master.tick()
+            hall.broker.tick()
+        assert again.world.car_poses()[:, :2] == pytest.approx(stood, abs=0.02)
+    errors = [event.facts for event in told if event.facts.get("what") == "vehicle_error"]
+    assert sorted((facts["car"], facts["of"]) for facts in errors) == [(f"car_{k}", "noRouteError") for k in range(2)]
+    for trouble in hall.vehicles.troubles()[:2]:
+        assert "is not where the car stands" in trouble
 
 
 def test_a_vehicle_whose_clock_runs_backwards_or_that_begins_anew_is_heard() -> None:
