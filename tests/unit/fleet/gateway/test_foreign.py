@@ -167,7 +167,7 @@ def test_a_state_that_says_nonsense_is_told_and_the_next_one_is_heard(fields: di
 
 
 def test_a_vehicle_that_was_killed_and_carried_off_is_told_with_what_it_says_of_its_order(halls: Any) -> None:
-    """Vehicles that start anew elsewhere take no order that begins where they were: nothing is driven, and all is told."""
+    """Vehicles that start anew elsewhere take no order that begins where they were: none drives, and all is told."""
     hall = halls("2.1.0", 2, tasks=2)
     told: list[Event] = []
     hall.master.events.subscribe(told.append)
