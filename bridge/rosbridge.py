@@ -286,7 +286,7 @@ class Rosbridge:
                 commands.order(message["data"])
             else:
                 raise Refusal(f"nobody listens to topic {topic!r}")
-        except (KeyError, TypeError, ValueError) as error:
+        except (KeyError, TypeError, ValueError, OverflowError) as error:
             raise Refusal(f"message on {topic}: {type(error).__name__}: {error}") from error
 
     async def _call(self, service: str, arguments: Any) -> Any:

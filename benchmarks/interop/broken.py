@@ -16,6 +16,8 @@ from maps.site import load_site
 
 Change = Callable[[str], str]
 _LAYOUT = ("layouts", 0)
+GROWING = "a0: &a0 [1]\n" + "".join(f"a{k}: &a{k} [{', '.join([f'*a{k - 1}'] * 9)}]\n" for k in range(1, 10))
+"""Some hundred characters of YAML that stand for a thousand million values."""
 
 
 def changed(path: tuple[str | int, ...], value: Any) -> Change:
@@ -93,6 +95,8 @@ BROKEN: list[tuple[str, Change, list[str]]] = [
     ("nav2", changed(("features", -1), "x"), ["is 'x'; valid: "]),
     ("rmf", lambda text: "levels: [", ["line 2, column 1: is no YAML", "valid: a navigation graph of Open-RMF"]),
     ("rmf", lambda text: "a: 1", ["levels is None"]),
+    ("rmf", lambda text: GROWING, ["is no YAML (its aliases make more than 10000000 values of it)"]),
+    ("building", lambda text: "levels: &a [*a]", ["is no YAML (an alias stands inside of what it stands for)"]),
     ("rmf", swapped("- - 0\n", "- - 777\n"), ["levels.L1.lanes[0]: from is 777; valid: a vertex, 0 to"]),
     ("rmf", swapped("    - - 1.5\n", "    - - here\n"), ["levels.L1.vertices[0]: x is 'here'"]),
     ("building", lambda text: "levels: {L1: 4}", ["levels.L1 is 4; valid: vertices and lanes"]),

@@ -13,6 +13,7 @@ from fleet.remote.errors import RemoteError
 from fleet.run.events import Event
 from fleet.simulation import Simulation
 from fleet.terminal.pacing import NAP_S, Pace
+from maps.reading.shown import shown
 
 Header = Mapping[str, object]
 LEAST_LOOK_S = 0.05
@@ -120,7 +121,7 @@ class Bridge:
         try:
             does = self._does.get(str(op))
             if does is None:
-                raise RemoteError(f"op is {op!r}; valid: {', '.join(self._does)}")
+                raise RemoteError(f"op is {shown(op)}; valid: {', '.join(self._does)}")
             answer["value"] = does(said.client, said.header)
         except FleetError as error:
             answer |= {"ok": False, "error": str(error)}
@@ -195,7 +196,7 @@ class Bridge:
         del client
         on = header.get("on", True)
         if not isinstance(on, bool):
-            raise RemoteError(f"on is {on!r}; valid: true, false")
+            raise RemoteError(f"on is {shown(on)}; valid: true, false")
         self._paused = on
 
     def _speed(self, client: BridgeClient, header: Header) -> None:
@@ -219,7 +220,7 @@ class Bridge:
         name = header.get("robot")
         if not isinstance(name, str) or name not in self._robots or not name.startswith(kind):
             valid = ", ".join(robot for robot in self._robots if robot.startswith(kind))
-            raise RemoteError(f"robot is {name!r}; valid: {valid}")
+            raise RemoteError(f"robot is {shown(name)}; valid: {valid}")
         return name
 
     def _require_own(self, client: BridgeClient, robot: str) -> None:
@@ -243,12 +244,15 @@ class Bridge:
 def _number(header: Header, name: str) -> float:
     value = header.get(name)
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise RemoteError(f"{name} is {value!r}; valid: a number")
-    return float(value)
+        raise RemoteError(f"{name} is {shown(value)}; valid: a number")
+    try:
+        return float(value)
+    except OverflowError as error:  # JSON has integers that no float can hold
+        raise RemoteError(f"{name} is {shown(value)}; valid: a number") from error
 
 
 def _list(header: Header, name: str) -> list[object]:
     value = header.get(name)
     if not isinstance(value, list):
-        raise RemoteError(f"{name} is {value!r}; valid: a list")
+        raise RemoteError(f"{name} is {shown(value)}; valid: a list")
     return value

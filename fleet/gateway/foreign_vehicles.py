@@ -6,8 +6,8 @@ import json
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
-from datetime import datetime, timedelta
-from typing import Any
+from datetime import UTC, datetime, timedelta
+from typing import Any, NamedTuple
 
 from fleet.gateway.errors import GatewayError
 from fleet.gateway.transport import BrokerLink, Transport
@@ -15,6 +15,7 @@ from fleet.vda5050.codec import Body, Codec
 from fleet.vda5050.dialects import Dialect
 from fleet.vda5050.envelope import Identity, Post
 from fleet.vda5050.faults import MessageError
+from fleet.vda5050.fields import instant_of, number_of, object_of, whole_of
 from fleet.vda5050.growing_order import GrowingOrder
 from maps.reading.shown import shown
 
@@ -22,8 +23,16 @@ HEARD = ("state", "connection")
 """Topics that a master listens to."""
 
 
-_NEVER = -1, ""
-"""Number and time of a state that is older than all."""
+class _Stamp(NamedTuple):
+    """What tells how old a state is."""
+
+    number: int
+    at: datetime
+    said: str
+
+
+_NEVER = _Stamp(-1, datetime.min.replace(tzinfo=UTC), "")
+"""Older than all."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,7 +85,7 @@ class ForeignVehicles:
                     self._note_connection(car, str(body["connectionState"]))
                 else:
                     self._note_state(car, body)
-            except (MessageError, KeyError, TypeError, ValueError, AttributeError) as error:
+            except (MessageError, ArithmeticError, KeyError, TypeError, ValueError, AttributeError) as error:
                 self.n_malformed += 1
                 words = str(error) if isinstance(error, MessageError) else f"{name}: {type(error).__name__}: {error}"
                 self._note(VehicleNote(car=car, what="message_refused", of=name, cause=words))
@@ -128,6 +137,16 @@ class ForeignVehicles:
             )
         return float(position["x"]), float(position["y"]), float(position["theta"])
 
+    def troubles(self) -> list[str]:
+        """A line for each vehicle that is gone, and for each error that one reports."""
+        found = []
+        for name, state, is_online in zip(self._identities, self.states, self.is_online, strict=True):
+            who = f"vehicle {name.manufacturer}/{name.serial}"
+            if not is_online:
+                found.append(f"{who} is not online")
+            found += [f"{who} reports {kind}: {words}" for kind, words in _errors(state or {}).items()]
+        return found
+
     def _note(self, note: VehicleNote) -> None:
         if self._last_note.get(note.car) != note:
             self._last_note[note.car] = note
@@ -140,15 +159,22 @@ class ForeignVehicles:
         self._note(VehicleNote(car=car, what="connection", of=state, cause="it said so, or the broker in its name"))
 
     def _note_state(self, car: int, body: Body) -> None:
-        number, stamp = int(body["headerId"]), str(body["timestamp"])
+        stamp = _Stamp(
+            whole_of(body, "headerId", "state"), instant_of(body, "timestamp", "state"), str(body["timestamp"])
+        )
+        _check_position(body)
         before = self._newest[car]
-        if number <= before[0] and stamp < before[1]:
+        if stamp.number <= before.number and stamp.at < before.at:
             return
-        if stamp < before[1]:
-            words = f"timestamp is {shown(stamp)} after {shown(before[1])}; headerId tells that the state is newer"
+        if stamp.at < before.at:
+            words = f"timestamp is {shown(stamp.said)} after {shown(before.said)}"
+            words += "; headerId tells that the state is newer"
             self._note(VehicleNote(car=car, what="clock_went_back", of="state", cause=words))
-        self._newest[car] = number, stamp
+        self._newest[car] = stamp
         self.is_online[car] = True
+        before_errors, errors = _errors(self.states[car] or {}), _errors(body)
+        for kind in sorted(errors.keys() - before_errors.keys()):
+            self._note(VehicleNote(car=car, what="vehicle_error", of=kind, cause=errors[kind]))
         book = self.books[car]
         if book is not None:
             book.heard(body)
@@ -167,3 +193,21 @@ class ForeignVehicles:
         self._n_sent[car, name] += 1
         payload = json.dumps(self._codec.encode(name, header | message), separators=(",", ":")).encode()
         return Post(topic=identity.topic(dialect.level, name), payload=payload, qos=0, retain=False)
+
+
+def _check_position(state: Body) -> None:
+    """Refuse a state whose position, if it has one, is none."""
+    if "mobileRobotPosition" in state:
+        where = "state.mobileRobotPosition"
+        position = object_of(state["mobileRobotPosition"], where)
+        for name in ("x", "y", "theta"):
+            if name in position:
+                number_of(position, name, where)
+
+
+def _errors(state: Body) -> dict[str, str]:
+    """Types of the errors that a vehicle reports, and what it says of the last one of each."""
+    return {
+        str(error["errorType"]): shown(error.get("errorDescription", "")).strip("'")
+        for error in state.get("errors", ())
+    }

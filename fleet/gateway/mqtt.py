@@ -14,7 +14,7 @@ from urllib.parse import urlsplit
 import paho.mqtt.client as mqtt
 from paho.mqtt.enums import CallbackAPIVersion
 
-from fleet.gateway.errors import GatewayError
+from fleet.gateway.errors import GatewayError, RefusedError
 from fleet.gateway.transport import BrokerLink, matches
 from fleet.vda5050.envelope import Post
 
@@ -24,6 +24,8 @@ PATIENCE_S = 10.0
 """How long a first connection may take; later ones are tried again and again [s]."""
 MOST_KEPT = 1000
 """Messages that are kept for a vehicle whose run does not take them; the oldest are forgotten."""
+_UNAVAILABLE = 0x88
+"""What a broker says that is up but not yet there for us (section 3.2.2.2 of https://docs.oasis-open.org/mqtt/mqtt/v5.0)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,7 +33,7 @@ class BrokerAddress:
     """Where a broker is, and how it knows us.
 
     Raises:
-        GatewayError: The address is none of MQTT, or a file is missing.
+        GatewayError: The address is none of MQTT, or a file is missing or holds something else.
     """
 
     url: str
@@ -66,6 +68,7 @@ class BrokerAddress:
                 raise GatewayError(
                     f"--{name} is {str(path)!r} for {self.url}, which has no TLS; valid: mqtts://HOST:PORT"
                 )
+        self.context()
 
     @property
     def host(self) -> str:
@@ -83,6 +86,27 @@ class BrokerAddress:
         """Whether the connection is encrypted."""
         return urlsplit(self.url).scheme == "mqtts"
 
+    def context(self) -> ssl.SSLContext | None:
+        """What encrypts a connection; None = nothing does.
+
+        Raises:
+            GatewayError: A file is no certificate, or the key is another one.
+        """
+        if not self.tls:
+            return None
+        try:
+            made = ssl.create_default_context(cafile=None if self.ca is None else str(self.ca))
+        except (OSError, ValueError) as error:
+            raise GatewayError(f"--ca is {str(self.ca)!r} ({_why(error)}); valid: certificates in PEM") from error
+        if self.certificate is not None:
+            try:
+                # An empty passphrase: else OpenSSL asks for one in the terminal.
+                made.load_cert_chain(str(self.certificate), None if self.key is None else str(self.key), password="")
+            except (OSError, ValueError) as error:
+                said = f"--certificate is {str(self.certificate)!r}, --key {str(self.key)!r} ({_why(error)})"
+                raise GatewayError(f"{said}; valid: a certificate in PEM, and its key without a passphrase") from error
+        return made
+
 
 class MqttClient:
     """One connection to a broker, with a thread of its own.
@@ -94,7 +118,8 @@ class MqttClient:
         came: Called in the client's thread with topic and payload of what has come.
 
     Raises:
-        GatewayError: The broker cannot be reached, or refuses.
+        GatewayError: The broker cannot be reached.
+        RefusedError: It does not let us in, or is not who it should be.
     """
 
     def __init__(
@@ -105,7 +130,7 @@ class MqttClient:
         self._topics: list[str] = []
         self._came = came
         self._answered, self._subscribed = threading.Event(), threading.Event()
-        self._refusal = ""
+        self._trouble, self._refused = "", False
         self._client = made = mqtt.Client(CallbackAPIVersion.VERSION2, client_id=name, clean_session=True)
         if will is not None:
             made.will_set(will.topic, will.payload, will.qos, will.retain)
@@ -115,21 +140,27 @@ class MqttClient:
         made.on_message = self._heard
         made.on_subscribe = lambda *_: self._subscribed.set()
         made.reconnect_delay_set(min_delay=1, max_delay=15)
-        where = f"the broker at {address.url} cannot be reached"
+        made.on_disconnect = self._ended
+        broker = f"the broker at {address.url}"
         try:
-            if address.tls:
-                made.tls_set(
-                    ca_certs=None if address.ca is None else str(address.ca),
-                    certfile=None if address.certificate is None else str(address.certificate),
-                    keyfile=None if address.key is None else str(address.key),
-                )
+            if (context := address.context()) is not None:
+                made.tls_set_context(context)
             made.connect(address.host, address.port, address.keep_alive_s)
-        except (OSError, ssl.SSLError, ValueError) as error:
-            raise GatewayError(f"{where}: {error}; valid: the address of a broker that runs") from error
+        except ssl.SSLCertVerificationError as error:
+            valid = "--ca with the certificates of those that vouch for it, and the name that stands in its own"
+            raise RefusedError(f"{broker} is not trusted: {error.verify_message}; valid: {valid}") from error
+        except (OSError, ValueError) as error:
+            raise GatewayError(
+                f"{broker} cannot be reached: {_why(error)}; valid: the address of a broker that runs"
+            ) from error
         made.loop_start()
-        if not self._answered.wait(PATIENCE_S) or self._refusal:
+        trouble = self._trouble if self._answered.wait(PATIENCE_S) else "no answer"
+        if trouble:
             made.loop_stop()
-            raise GatewayError(f"{where}: {self._refusal or 'no answer'}; valid: a broker that lets us in")
+            if self._refused:
+                raise RefusedError(f"{broker} refuses us: {trouble}; valid: --user and --password-file that it knows")
+            valid = "mqtts:// where it has TLS, and --certificate where it wants ours"
+            raise GatewayError(f"{broker} does not let us in: {trouble}; valid: {valid}")
 
     def listen(self, patterns: Sequence[str]) -> None:
         """Listen to topics, too; their levels may be `+`. Returns when the broker knows, so that nothing is missed."""
@@ -157,12 +188,18 @@ class MqttClient:
     def _connected(self, client: mqtt.Client, data: Any, flags: Any, reason: Any, properties: Any) -> None:
         del data, flags, properties
         if reason.is_failure:
-            self._refusal = str(reason)
+            self._trouble, self._refused = str(reason), reason.value != _UNAVAILABLE
         else:
             if self._topics:
                 client.subscribe([(pattern, 0) for pattern in self._topics])
             self.n_sessions += 1
         self._answered.set()
+
+    def _ended(self, client: mqtt.Client, data: Any, flags: Any, reason: Any, properties: Any) -> None:
+        del client, data, flags, reason, properties
+        if not self._answered.is_set():
+            self._trouble = "it ended the connection"
+            self._answered.set()
 
     def _heard(self, client: mqtt.Client, data: Any, message: mqtt.MQTTMessage) -> None:
         del client, data
@@ -327,3 +364,9 @@ class _Inbox:
         while self._messages:
             found.append(self._messages.popleft())
         return found
+
+
+def _why(error: Exception) -> str:
+    """What a system says of a failure, without the place in its own source."""
+    words = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+    return words.partition(" (_ssl.c")[0]

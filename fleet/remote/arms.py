@@ -273,5 +273,5 @@ def _floats(values: object) -> FloatArray:
     """Numbers as an array; an empty one if they are none, or rows of different lengths."""
     try:
         return np.array(values, dtype=np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         return np.empty(0)

@@ -14,6 +14,7 @@ from fleet.vda5050.faults import ForeignMessageError, MessageError
 from maps.reading.shown import shown
 
 Body = dict[str, Any]
+_DEEPEST = "some hundred levels"
 _OPAQUE = "actionParameters"
 """What is inside belongs to the actions, whatever it is called."""
 MOST_BYTES = 1 << 20
@@ -65,7 +66,10 @@ class Codec:
             raise MessageError(f"{topic}: version is {shown(version)}; valid: a text, {self.dialect.version!r}")
         if not self.dialect.speaks(version):
             raise ForeignMessageError(f"{topic}: version is {shown(version)}; valid: {self.dialect.version!r}")
-        made: Body = self._read(body, self._from_wire.get(topic, {}))
+        try:
+            made: Body = self._read(body, self._from_wire.get(topic, {}))
+        except RecursionError as error:
+            raise MessageError(f"{topic}: the message is nested too deeply; valid: {_DEEPEST}") from error
         if topic == "state" and not self.dialect.instant_states:
             made.setdefault("instantActionStates", [])
         return made

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any
 
 from fleet.vda5050.faults import MessageError
+from fleet.vda5050.fields import Body, list_of, number_of, object_of, text_of, truth_of, whole_of
 from maps.reading.shown import shown
-
-Body = Mapping[str, Any]
 
 
 class Blocking(StrEnum):
@@ -146,16 +144,16 @@ def order_of(body: Body) -> OrderMessage:
         MessageError: A field is missing or has a value that it cannot have, or nodes and edges do not alternate.
     """
     nodes = tuple(
-        _node(_object(node, f"order.nodes[{k}]"), f"order.nodes[{k}]")
-        for k, node in enumerate(_list(body, "nodes", "order"))
+        _node(object_of(node, f"order.nodes[{k}]"), f"order.nodes[{k}]")
+        for k, node in enumerate(list_of(body, "nodes", "order"))
     )
     edges = tuple(
-        _edge(_object(edge, f"order.edges[{k}]"), f"order.edges[{k}]")
-        for k, edge in enumerate(_list(body, "edges", "order"))
+        _edge(object_of(edge, f"order.edges[{k}]"), f"order.edges[{k}]")
+        for k, edge in enumerate(list_of(body, "edges", "order"))
     )
     order = OrderMessage(
-        id=_text(body, "orderId", "order"),
-        update=_whole(body, "orderUpdateId", "order"),
+        id=text_of(body, "orderId", "order"),
+        update=whole_of(body, "orderUpdateId", "order"),
         nodes=nodes,
         edges=edges,
         fields={key: value for key, value in body.items() if key not in HEADER},
@@ -208,10 +206,10 @@ def _check(order: OrderMessage) -> None:
 def _node(body: Body, where: str) -> Node:
     position = body.get("nodePosition")
     return Node(
-        id=_text(body, "nodeId", where),
-        sequence=_whole(body, "sequenceId", where),
-        released=_yes(body, "released", where),
-        position=None if position is None else _position(_object(position, f"{where}.nodePosition"), where),
+        id=text_of(body, "nodeId", where),
+        sequence=whole_of(body, "sequenceId", where),
+        released=truth_of(body, "released", where),
+        position=None if position is None else _position(object_of(position, f"{where}.nodePosition"), where),
         actions=_actions(body, where),
     )
 
@@ -220,25 +218,25 @@ def _position(body: Body, where: str) -> Position:
     where = f"{where}.nodePosition"
     deviation = body.get("allowedDeviationXY")
     if deviation is not None:
-        ellipse = _object(deviation, f"{where}.allowedDeviationXY")
+        ellipse = object_of(deviation, f"{where}.allowedDeviationXY")
         # The smaller half axis is inside the ellipse, whichever way it is turned.
-        deviation = min(_number(ellipse, name, f"{where}.allowedDeviationXY") for name in ("a", "b"))
+        deviation = min(number_of(ellipse, name, f"{where}.allowedDeviationXY") for name in ("a", "b"))
     return Position(
-        x=_number(body, "x", where),
-        y=_number(body, "y", where),
-        theta=None if "theta" not in body else _number(body, "theta", where),
-        map_id=_text(body, "mapId", where),
+        x=number_of(body, "x", where),
+        y=number_of(body, "y", where),
+        theta=None if "theta" not in body else number_of(body, "theta", where),
+        map_id=text_of(body, "mapId", where),
         # Zero says the same as no value in 2.x.
         deviation_m=deviation or None,
-        deviation_rad=_number(body, "allowedDeviationTheta", where) if "allowedDeviationTheta" in body else None,
+        deviation_rad=number_of(body, "allowedDeviationTheta", where) if "allowedDeviationTheta" in body else None,
     )
 
 
 def _edge(body: Body, where: str) -> Edge:
     return Edge(
-        id=_text(body, "edgeId", where),
-        sequence=_whole(body, "sequenceId", where),
-        released=_yes(body, "released", where),
+        id=text_of(body, "edgeId", where),
+        sequence=whole_of(body, "sequenceId", where),
+        released=truth_of(body, "released", where),
         actions=_actions(body, where),
         fields=body,
     )
@@ -246,16 +244,16 @@ def _edge(body: Body, where: str) -> Edge:
 
 def _actions(body: Body, where: str, default_blocking: str | None = None) -> tuple[Action, ...]:
     found = []
-    for k, one in enumerate(_list(body, "actions", where)):
+    for k, one in enumerate(list_of(body, "actions", where)):
         place = f"{where}.actions[{k}]"
-        action = _object(one, place)
+        action = object_of(one, place)
         blocking = action.get("blockingType", default_blocking)
         if blocking not in list(Blocking):
             raise MessageError(f"{place}.blockingType is {shown(blocking)}; valid: {', '.join(Blocking)}")
         found.append(
             Action(
-                id=_text(action, "actionId", place),
-                type=_text(action, "actionType", place),
+                id=text_of(action, "actionId", place),
+                type=text_of(action, "actionType", place),
                 blocking=Blocking(blocking),
                 parameters=_parameters(action.get("actionParameters", []), place),
                 descriptor=str(action.get("actionDescriptor", "")),
@@ -270,55 +268,8 @@ def _parameters(value: Any, where: str) -> dict[str, Any]:
     found = {}
     for k, one in enumerate(value):
         place = f"{where}.actionParameters[{k}]"
-        pair = _object(one, place)
+        pair = object_of(one, place)
         if "value" not in pair:
             raise MessageError(f"{place}.value is missing; valid: any value")
-        found[_text(pair, "key", place)] = pair["value"]
+        found[text_of(pair, "key", place)] = pair["value"]
     return found
-
-
-def _field(body: Body, name: str, where: str, valid: str) -> Any:
-    if name not in body:
-        raise MessageError(f"{where}.{name} is missing; valid: {valid}")
-    return body[name]
-
-
-def _text(body: Body, name: str, where: str) -> str:
-    value = _field(body, name, where, "a text")
-    if not isinstance(value, str):
-        raise MessageError(f"{where}.{name} is {shown(value)}; valid: a text")
-    return value
-
-
-def _whole(body: Body, name: str, where: str) -> int:
-    value = _field(body, name, where, "an integer >= 0")
-    if isinstance(value, bool) or not isinstance(value, int) or value < 0:
-        raise MessageError(f"{where}.{name} is {shown(value)}; valid: an integer >= 0")
-    return value
-
-
-def _number(body: Body, name: str, where: str) -> float:
-    value = _field(body, name, where, "a number")
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise MessageError(f"{where}.{name} is {shown(value)}; valid: a number")
-    return float(value)
-
-
-def _yes(body: Body, name: str, where: str) -> bool:
-    value = _field(body, name, where, "true or false")
-    if not isinstance(value, bool):
-        raise MessageError(f"{where}.{name} is {shown(value)}; valid: true or false")
-    return value
-
-
-def _list(body: Body, name: str, where: str) -> Sequence[Any]:
-    value = _field(body, name, where, "a list")
-    if not isinstance(value, list):
-        raise MessageError(f"{where}.{name} is {shown(value)}; valid: a list")
-    return value
-
-
-def _object(value: Any, where: str) -> Body:
-    if not isinstance(value, dict):
-        raise MessageError(f"{where} is {shown(value)}; valid: an object")
-    return value

@@ -10,7 +10,8 @@ from typing import Any
 
 from fleet.vda5050.acceptance import HeldOrder, OperatingMode, OrderOutcome, VehicleSurroundings, Verdict, judge
 from fleet.vda5050.faults import ErrorLevel, ErrorType, MessageError, VehicleFault, fault_of
-from fleet.vda5050.order import Action, Blocking, Body, Edge, Node, OrderMessage, instant_actions_of, order_of
+from fleet.vda5050.fields import Body
+from fleet.vda5050.order import Action, Blocking, Edge, Node, OrderMessage, instant_actions_of, order_of
 from fleet.vda5050.sight import Sight
 from maps.reading.shown import shown
 

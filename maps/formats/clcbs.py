@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from maps.errors import MapsError
+from maps.reading.aliases import check_aliases
 from maps.reading.shown import shown
 from maps.reading.text_file import FileError, read_text
 
@@ -133,6 +134,7 @@ def _parsed(path: str | os.PathLike[str]) -> dict[str, Any]:
     try:
         text = read_text(path, str(path), valid=_VALID)
         content = yaml.load(text, Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader))
+        check_aliases(content)
     except FileError as error:
         raise ClcbsError(str(error)) from error
     except (yaml.YAMLError, ValueError, RecursionError) as error:

@@ -474,6 +474,10 @@ def test_a_refused_run_leaves_earlier_results_alone(tmp_path: Path, capsys: pyte
         (["serve", "--vda5050", MQTT, "--manufacturer", "a/b"], ["manufacturer is 'a/b'", "letters, digits"]),
         (["serve", "--vda5050", MQTT, "--password-file", "x"], ["--password-file is 'x'", "with --user"]),
         (["serve", "--vda5050", MQTT, "--user", "a", "--password-file", "nope"], ["nope", "No such file"]),
+        (
+            ["serve", "--vda5050", MQTT, "--user", "a", "--password-file", os.devnull],
+            ["--password-file is '/dev/null'", "a file whose first line is the password"],
+        ),
         (["serve", "--vda5050", MQTT, "--ca", "nope.pem"], ["--ca is 'nope.pem'", "a file that is there"]),
         (["serve", "--vda5050", MQTT, "--ca", sys.executable], ["--ca is", "which has no TLS", "mqtts://HOST:PORT"]),
         (["serve", "--vda5050", MQTT, "--key", "nope.pem"], ["--certificate", "together with --key"]),

@@ -1,9 +1,13 @@
 """Cars on a real broker: connections come and go, wills are read out, and the example of the guide finds its master."""
 
+import contextlib
 import os
 import signal
+import socket
+import ssl
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -14,8 +18,9 @@ pytest.importorskip("paho", reason="MQTT needs the extra vda5050")
 pytest.importorskip("amqtt", reason="the embedded broker needs the extra vda5050")
 
 from benchmarks.interop.brokers import free_port
+from fleet.cli.main import main
 from fleet.gateway.broker import EmbeddedBroker
-from fleet.gateway.errors import GatewayError
+from fleet.gateway.errors import GatewayError, RefusedError
 from fleet.gateway.mqtt import BrokerAddress, MqttTransport
 from fleet.gateway.transport import BrokerLink
 from fleet.vda5050.envelope import Post
@@ -50,6 +55,91 @@ def wait(done: Callable[[], object], most_s: float = 20.0) -> float:
         assert time.monotonic() - begin < most_s
         time.sleep(0.02)
     return time.monotonic() - begin
+
+
+class Doorman:
+    """Answers whoever connects with the same bytes and ends the connection; counts them."""
+
+    def __init__(self, answer: bytes, tls: ssl.SSLContext | None = None) -> None:
+        self.n_came = 0
+        self._answer, self._tls = answer, tls
+        self._socket = socket.create_server(("127.0.0.1", 0))
+        self.port = int(self._socket.getsockname()[1])
+        threading.Thread(target=self._serve, daemon=True).start()
+
+    def close(self) -> None:
+        self._socket.close()
+
+    def _serve(self) -> None:
+        while True:
+            try:
+                came, _ = self._socket.accept()
+            except OSError:
+                return
+            self.n_came += 1
+            with contextlib.suppress(OSError), came, self._line(came) as line:
+                line.recv(1000)
+                line.sendall(self._answer)
+                line.recv(1000 if self._answer else 0)
+
+    def _line(self, came: socket.socket) -> socket.socket:
+        return came if self._tls is None else self._tls.wrap_socket(came, server_side=True)
+
+
+def refusal(code: int) -> bytes:
+    """A CONNACK of MQTT 3.1.1."""
+    return bytes((0x20, 2, 0, code))
+
+
+@pytest.mark.parametrize(("code", "words"), [(5, "Not authorized"), (4, "Bad user name or password")])
+def test_a_password_that_is_wrong_is_told_at_once_and_not_tried_again(
+    code: int, words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    door, file = Doorman(refusal(code)), tmp_path / "password"
+    file.write_text("wrong\n")
+    options = ["--vda5050", f"mqtt://127.0.0.1:{door.port}", "--user", "me", "--password-file", str(file)]
+    with pytest.raises(SystemExit) as ended:
+        main(["drive", *options, "--vehicle", "a/1", "--patience", "20", "--out", str(tmp_path / "new")])
+    door.close()
+    said = capsys.readouterr().err
+    assert (ended.value.code, said.count("\n")) == (2, 1)
+    assert f"refuses us: {words}; valid: --user and --password-file that it knows" in said
+    assert door.n_came == 1
+    assert not (tmp_path / "new").exists()
+
+
+def test_a_broker_that_is_not_ready_or_hangs_up_is_told_apart_from_one_that_refuses() -> None:
+    for answer, words in ((refusal(3), "Server unavailable"), (b"", "it ended the connection")):
+        door = Doorman(answer)
+        with pytest.raises(GatewayError, match=f"does not let us in: {words}; valid: mqtts://") as error:
+            MqttTransport(BrokerAddress(url=f"mqtt://127.0.0.1:{door.port}"), "car").link(["x"], WILL)
+        assert not isinstance(error.value, RefusedError)
+        door.close()
+
+
+# paho leaves the socket of a handshake that failed to the garbage collector.
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+def test_files_of_tls_that_do_not_fit_are_named_and_a_broker_that_nobody_vouches_for_is_left(tmp_path: Path) -> None:
+    pytest.importorskip("cryptography", reason="certificates for this test are made by cryptography")
+    from tests.integration.certificates import write_certificate
+
+    (tmp_path / "empty.pem").write_text("")
+    ours, theirs = write_certificate(tmp_path, "ours"), write_certificate(tmp_path, "theirs")
+    locked = write_certificate(tmp_path, "locked", passphrase=b"secret")
+    tls = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    tls.load_cert_chain(*theirs)
+    door = Doorman(refusal(0), tls)
+    url = f"mqtts://127.0.0.1:{door.port}"
+    with pytest.raises(GatewayError, match=r"--ca is '.*empty.pem' \(.*\); valid: certificates in PEM"):
+        BrokerAddress(url=url, ca=tmp_path / "empty.pem")
+    for certificate, key in ((ours[0], theirs[1]), (ours[0], tmp_path / "empty.pem"), locked):
+        with pytest.raises(GatewayError, match=r"--certificate is '.*', --key '.*' \(.*\); valid: .* passphrase"):
+            BrokerAddress(url=url, certificate=certificate, key=key)
+    with pytest.raises(RefusedError, match="is not trusted: self-signed certificate; valid: --ca"):
+        MqttTransport(BrokerAddress(url=url, ca=ours[0]), "car").link(["x"], WILL)
+    client = MqttTransport(BrokerAddress(url=url, ca=theirs[0]), "car").link([], None)
+    client.close(None)
+    door.close()
 
 
 def test_a_killed_process_has_its_will_read_out_within_one_and_a_half_keep_alives(broker: EmbeddedBroker) -> None:

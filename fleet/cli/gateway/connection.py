@@ -57,6 +57,8 @@ class Connection:
         password = ""
         if self.password_file is not None:
             password = _first_line(self.password_file)
+            valid = "a file whose first line is the password of --user"
+            require(bool(password), "--password-file", str(self.password_file), valid)
         try:
             from fleet.gateway.mqtt import BrokerAddress
         except ImportError as error:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
+from uuid import uuid4
 
 from fleet.cli.gateway.connection import Connection
 from fleet.cli.run_output import exit_status, plain_console, show_run
@@ -81,7 +82,8 @@ class DriveCommand(Connection):
         )
         session = SessionConfig(out=self.out, record=self.record, speed=self.speed)
         with ExitStack() as stack:
-            transport, console = self.transport(address, "fleet", stack), plain_console()
+            # A broker ends a connection when another one comes with its name, and there may be other masters.
+            transport, console = self.transport(address, f"fleet-{uuid4().hex[:8]}", stack), plain_console()
             until = time.monotonic() + self.patience
             vehicles = self._vehicles(identities, transport, until)
             stack.callback(vehicles.close)
@@ -93,7 +95,10 @@ class DriveCommand(Connection):
                 return simulation
 
             result = run_session(config, session, make)
+            troubles = vehicles.troubles()
         show_run(console, result, self.out, recorded=self.record)
+        for trouble in troubles:
+            console.print(trouble, soft_wrap=True, markup=False)
         return exit_status(console, result, self.duration)
 
     @staticmethod
@@ -108,14 +113,16 @@ class DriveCommand(Connection):
             time.sleep(LOOK_S)
 
     def _vehicles(self, identities: list[Identity], transport: Transport, until: float) -> ForeignVehicles:
-        """The connection to the vehicles; a broker that is not up yet is waited for."""
-        from fleet.gateway.errors import GatewayError
+        """The connection to the vehicles; a broker that is not up yet is waited for, and one that refuses us is not."""
+        from fleet.gateway.errors import GatewayError, RefusedError
         from fleet.gateway.foreign_vehicles import ForeignVehicles
         from fleet.vda5050.codec import dialect_named
 
         while True:
             try:
                 return ForeignVehicles(identities, dialect_named(self.dialect), transport, datetime.now(UTC))
+            except RefusedError:
+                raise
             except GatewayError:
                 if time.monotonic() >= until:
                     raise

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from maps.layouts.layout import LayoutError
+from maps.reading.aliases import check_aliases
 from maps.reading.shown import shown
 
 EXTRA = "pip install '.[rmf]'"
@@ -24,6 +25,7 @@ def parse_yaml(text: str, where: str, *, valid: str) -> dict[str, Any]:
     yaml = _yaml()
     try:
         content = yaml.load(text, Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader))
+        check_aliases(content)
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         mark = getattr(error, "problem_mark", None)
         place = "" if mark is None else f"line {mark.line + 1}, column {mark.column + 1}: "

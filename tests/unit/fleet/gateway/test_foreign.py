@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Callable, Sequence
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from typing import Any
 
 import pytest
@@ -14,6 +14,7 @@ from fleet.gateway.errors import GatewayError
 from fleet.gateway.foreign_simulation import ForeignSimulation
 from fleet.gateway.foreign_vehicles import ForeignVehicles
 from fleet.gateway.transport import MemoryBroker
+from fleet.run.events import Event
 from fleet.vda5050.dialects import DIALECTS
 from fleet.vda5050.envelope import Post
 from tests.unit.fleet.gateway.test_faults import BadNetwork
@@ -135,6 +136,62 @@ def test_messages_that_cannot_be_read_or_are_late_are_left_alone() -> None:
     assert [(note.what, note.of) for note in notes] == [("message_refused", "state")] * 2
     assert "the message is no JSON" in notes[0].cause
     assert vehicles.taken_notes() == []
+
+
+@pytest.mark.parametrize(
+    ("fields", "words"),
+    [
+        ({"mobileRobotPosition": 7}, "state.mobileRobotPosition is 7; valid: an object"),
+        ({"mobileRobotPosition": {"x": "here"}}, "state.mobileRobotPosition.x is 'here'; valid: a number"),
+        ({"mobileRobotPosition": {"x": float("nan")}}, "state.mobileRobotPosition.x is nan; valid: a number"),
+        ({"mobileRobotPosition": {"y": 10**400}}, "state.mobileRobotPosition.y is an integer of 1329 bits"),
+        ({"headerId": float("inf")}, "state.headerId is inf; valid: an integer >= 0"),
+        ({"headerId": -1}, "state.headerId is -1; valid: an integer >= 0"),
+        ({"timestamp": "tomorrow"}, "state.timestamp is 'tomorrow'; valid: as 2026-01-31T12:00:00.000Z"),
+        ({"timestamp": 7}, "state.timestamp is 7; valid: a text"),
+    ],
+)
+def test_a_state_that_says_nonsense_is_told_and_the_next_one_is_heard(fields: dict[str, Any], words: str) -> None:
+    broker = MemoryBroker()
+    identity = GatewayConfig(dialect="3.0.0").identity(0)
+    vehicles = ForeignVehicles([identity], DIALECTS["3.0.0"], broker, START)
+    good = {"version": "3.0.0", "headerId": 1, "timestamp": "2026-01-01T00:00:00.000Z"}
+    good["mobileRobotPosition"] = {"x": 1.0, "y": 2.0, "theta": 0.0}
+    for body in (good | fields, good):
+        payload = json.dumps(body).encode()
+        broker.publish(Post(topic=identity.topic("v3", "state"), payload=payload, qos=0, retain=False))
+        vehicles.hear()
+    (note,) = vehicles.taken_notes()
+    assert words in note.cause
+    assert vehicles.pose(0) == (1.0, 2.0, 0.0)
+
+
+def test_a_vehicle_that_was_killed_and_carried_off_is_told_with_what_it_says_of_its_order(halls: Any) -> None:
+    """Vehicles that start anew elsewhere take no order that begins where they were: none drives, and all is told."""
+    hall = halls("2.1.0", 2, tasks=2)
+    told: list[Event] = []
+    hall.master.events.subscribe(told.append)
+    for _ in range(400):
+        hall.cars.tick()
+        hall.master.tick()
+        hall.broker.tick()
+    for car in hall.cars.gateway.cars:
+        car.link.kill()
+    hall.master.tick()
+    assert hall.vehicles.troubles() == ["vehicle fleet/car_0 is not online", "vehicle fleet/car_1 is not online"]
+    gateway = GatewayConfig(dialect="2.1.0", start=START + timedelta(seconds=100))
+    cars = RunConfig(site="small", robots=2, fidelity=Fidelity.KINEMATIC, arms=ARMS)
+    with MasteredSimulation(cars, gateway, hall.broker) as again:
+        stood = again.world.car_poses()[:, :2].copy()
+        for _ in range(200):
+            again.tick()
+            hall.master.tick()
+            hall.broker.tick()
+        assert again.world.car_poses()[:, :2] == pytest.approx(stood, abs=0.02)
+    errors = [event.facts for event in told if event.facts.get("what") == "vehicle_error"]
+    assert sorted((facts["car"], facts["of"]) for facts in errors) == [(f"car_{k}", "noRouteError") for k in range(2)]
+    for trouble in hall.vehicles.troubles()[:2]:
+        assert "is not where the car stands" in trouble
 
 
 def test_a_vehicle_whose_clock_runs_backwards_or_that_begins_anew_is_heard() -> None:

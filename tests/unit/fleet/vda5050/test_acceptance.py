@@ -205,6 +205,11 @@ def malformed() -> dict[str, tuple[Body, str]]:
         "blocking unknown": (order("o", node("n0", 0, action("pick", "a", "MAYBE"))), "valid: NONE, SOFT"),
         "position without x": (order("o", node("n0", 0, y=1.0, mapId="hall")), "nodePosition.x is missing"),
         "position not finite": (order("o", node("n0", 0, x=1e999, y=0.0, mapId="hall")), "valid: a number"),
+        "position beyond floats": (
+            order("o", node("n0", 0, x=10**400, y=0.0, mapId="hall")),
+            "an integer of 1329 bits",
+        ),
+        "update beyond 32 bits": (broken(orderUpdateId=2**32), "is 4294967296; valid: an integer >= 0, at most"),
     }
 
 

@@ -181,6 +181,7 @@ def test_optional_fields_that_are_null_are_as_if_they_were_missing() -> None:
         (b'{"version": 3}', "version is 3"),
         (b'{"version": "2.1.0"}', "version is '2.1.0'; valid: '3.0.0'"),
         (b" " * (1 << 21), "bytes; valid: at most"),
+        (b'{"version": "3.0.0", "a": ' + b"[" * 600 + b"]" * 600 + b"}", "nested too deeply"),
     ],
 )
 def test_what_is_no_message_is_refused_in_one_line(payload: bytes, words: str) -> None:
