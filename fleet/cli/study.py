@@ -107,6 +107,8 @@ class Study:
         robots = parse_range(self.robots, "--robots")
         rate_per_h = ORDERS_PER_CAR_H * max(robots) if self.rate is None else self.rate
         allocators = parse_names(self.allocators, "--allocators")
+        for allocator in allocators:
+            require_solver("--allocators", allocator)
         design = Design(
             allocators=allocators,
             robots=robots,

@@ -125,7 +125,8 @@ class MqttClient:
                 )
             made.connect(address.host, address.port, address.keep_alive_s)
         except (OSError, ssl.SSLError, ValueError) as error:
-            raise GatewayError(f"{where}: {error}; valid: the address of a broker that runs") from error
+            reason = getattr(error, "strerror", None) or error
+            raise GatewayError(f"{where}: {reason}; valid: the address of a broker that runs") from error
         made.loop_start()
         if not self._answered.wait(PATIENCE_S) or self._refusal:
             made.loop_stop()
