@@ -14,6 +14,7 @@ import tyro
 from rich.console import Console
 from rich.table import Table
 
+from fleet.cli.arguments import require_solver
 from fleet.config import Fidelity, StreamConfig, StreamKind, require
 from fleet.config.member_settings import file_settings, member_settings
 from fleet.study.design import ORDERS_PER_CAR_H, Design, parse_names, parse_range
