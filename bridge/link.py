@@ -57,7 +57,9 @@ class Link:
                 break
             except OSError as error:
                 if time.monotonic() >= until:
-                    raise LinkError(f"{address}: {error}; valid: the address of a run with --bridge") from error
+                    raise LinkError(
+                        f"{address}: {error.strerror or error}; valid: the address of a run with --bridge"
+                    ) from error
                 time.sleep(0.2)
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._unread = bytearray()

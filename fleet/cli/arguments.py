@@ -7,6 +7,7 @@ A command is a flat dataclass: a field is an option, or stands at its place amon
 from __future__ import annotations
 
 import dataclasses
+import importlib.util
 from collections import deque
 from collections.abc import Sequence
 from pathlib import Path
@@ -28,6 +29,8 @@ OPTIONS = (
 )
 VALUES = {int: "INT", float: "FLOAT", str: "STR", Path: "PATH"}
 NUMBERS = {int: "an integer", float: "a number"}
+SOLVERS = {"cpsat": ("ortools", "OR-Tools", "pip install '.[cpsat]'")}
+"""Allocators that need an extra: its package, what that is called, and how it is installed."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -114,6 +117,17 @@ def read_words(words: Sequence[str], command: type[Any]) -> Any:
         needed = missing.usage if missing.is_option else f"{arguments}, which --help explains"
         raise ConfigError(f"{missing.label} is missing; valid: {needed}")
     return command(**given)
+
+
+def require_solver(option: str, allocator: str) -> None:
+    """Refuse an allocator whose solver is not installed: others would answer in its name.
+
+    Raises:
+        ConfigError: It is not; says how to install it.
+    """
+    package, name, cure = SOLVERS.get(allocator, ("", "", ""))
+    if package and importlib.util.find_spec(package) is None:
+        raise ConfigError(f"{option} {allocator} needs {name}, which is not installed; valid: {cure}")
 
 
 def explain(command: type[Any], prog: str) -> NoReturn:

@@ -10,6 +10,7 @@ from typing import Annotated
 
 import tyro
 
+from fleet.cli.arguments import require_solver
 from fleet.cli.run_output import exit_status, plain_console, show_run
 from fleet.config import (
     AllocationConfig,
@@ -132,6 +133,7 @@ class Demo:
         self._check()
         models = read_cars(self.cars) if self.cars is not None else ()
         robots = len(models) or (RunConfig.robots if self.robots is None else self.robots)
+        require_solver("--allocator", self.allocator)
         config = RunConfig(
             site=self.site,
             robots=robots,

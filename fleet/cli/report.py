@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -39,8 +40,9 @@ class Report:
                     table.write_csv(out)
                 write_page(out / PAGE, run, tables)
         except OSError as error:
-            what = f"--out {out}: {error.strerror or error}"
-            raise OutputError(f"{what}; valid: a directory that can be written") from error
+            full = error.errno == errno.ENOSPC
+            cure = "room on its disk, or another directory (--out)" if full else "a directory that can be written"
+            raise OutputError(f"--out {out}: {error.strerror or error}; valid: {cure}") from error
         console = plain_console()
         console.print(f"{run.directory}: {run.title}", soft_wrap=True)
         console.print(f"page: {out / PAGE}", soft_wrap=True)

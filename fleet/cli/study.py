@@ -14,6 +14,7 @@ import tyro
 from rich.console import Console
 from rich.table import Table
 
+from fleet.cli.arguments import require_solver
 from fleet.config import Fidelity, StreamConfig, StreamKind, require
 from fleet.config.member_settings import file_settings, member_settings
 from fleet.study.design import ORDERS_PER_CAR_H, Design, parse_names, parse_range
@@ -107,6 +108,8 @@ class Study:
         robots = parse_range(self.robots, "--robots")
         rate_per_h = ORDERS_PER_CAR_H * max(robots) if self.rate is None else self.rate
         allocators = parse_names(self.allocators, "--allocators")
+        for allocator in allocators:
+            require_solver("--allocators", allocator)
         design = Design(
             allocators=allocators,
             robots=robots,

@@ -191,4 +191,5 @@ def require_free_port(port: int) -> None:
         try:
             probe.bind(("127.0.0.1", port))
         except (OSError, OverflowError) as error:
-            raise RecordingError(f"port {port} for the live viewer: {error}; valid: a free port") from error
+            reason = getattr(error, "strerror", None) or error
+            raise RecordingError(f"port {port} for the live viewer: {reason}; valid: a free port") from error

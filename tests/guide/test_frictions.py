@@ -7,6 +7,8 @@ import re
 
 import pytest
 
+import fleet.envs.warehouse.env as warehouse
+from fleet.robots.cars import racecar
 from tests.guide.pages import REPOSITORY, pages, read_blocks
 
 
@@ -36,6 +38,49 @@ def test_no_block_prints_an_object_as_python_sees_it() -> None:
     raw = r"print\((event|summary|result|\w+\.(summary|result)\(\))\)"
     found = [f"{page}:{block.line}" for page in pages() for block in read_blocks(page) if re.search(raw, block.text)]
     assert found == []
+
+
+def test_no_block_runs_without_a_word() -> None:
+    """A friction of the first hour: blocks that made a run or stepped an environment, and printed nothing."""
+    works = r"\.(step|tick|run)\(|run_session\(|time_columns\("
+    blocks = [block for page in pages() for block in read_blocks(page) if block.language == "python"]
+    run = [block for block in blocks if "file" not in block.marks and re.search(works, block.text)]
+    assert run
+    assert [f"{block.page}:{block.line}" for block in run if "print(" not in block.text] == []
+
+
+def test_disk_and_network_are_told_before_they_are_taken() -> None:
+    """A friction of the first hour: minutes of set-up and 1.7 GB on the disk, and no word of either before."""
+    makefile = (REPOSITORY / "Makefile").read_text(encoding="utf-8")
+    table = (REPOSITORY / "docs/guide/install.md").read_text(encoding="utf-8")
+    (row,) = re.findall(r"^\| `\.venv` of `make setup`.*\| (\d+ GB) \| (\d+ MB) \|$", table, re.MULTILINE)
+    said, asked = makefile.find("about {1} to fetch, {0} on the disk".format(*row)), makefile.find("pip install")
+    assert 0 < said < asked
+
+
+def test_the_readme_says_at_its_top_what_this_is_for() -> None:
+    """A friction of the first hour: nothing on who it is for, and what it is not stood on line 701 of 716."""
+    top = " ".join((REPOSITORY / "README.md").read_text(encoding="utf-8").split("\n## ")[0].split())
+    assert [words for words in ("It is for ", "It is no ", "docs/guide/limits.md") if words not in top] == []
+
+
+def test_the_sheets_of_all_environments_are_pages_of_the_site() -> None:
+    """A friction of the first hour: the best page of the project was a docstring that nothing rendered."""
+    text = (REPOSITORY / "docs/reference/envs.md").read_text(encoding="utf-8")
+    named = re.findall(r"^::: (fleet\.envs\.\S+)$", text, re.MULTILINE)
+    sheets = [
+        ".".join(path.relative_to(REPOSITORY).with_suffix("").parts)
+        for path in sorted((REPOSITORY / "fleet" / "envs").rglob("*.py"))
+        if re.search(r"^Observations[:,]", path.read_text(encoding="utf-8"), re.MULTILINE)
+    ]
+    assert sheets
+    assert [sheet for sheet in sheets if sheet not in named] == []
+
+
+def test_the_sheet_of_the_warehouse_tells_the_wheelbase() -> None:
+    """A friction of the first hour: to follow a path one needs the wheelbase, which no table told."""
+    told = " ".join(warehouse.__doc__.split()) if warehouse.__doc__ else ""
+    assert f"wheelbase of {racecar.racecar_spec().wheelbase_m} m" in told
 
 
 def test_general_names_of_the_wheel_are_told_where_it_is_installed() -> None:

@@ -3,6 +3,7 @@
 import json
 import os
 import re
+import socket
 import subprocess
 import sys
 import tempfile
@@ -10,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from fleet.cli.arguments import SOLVERS
 from fleet.cli.main import main
 from fleet.config import AllocationConfig, Fidelity, RunConfig
 from fleet.errors import ConfigError
@@ -289,6 +291,43 @@ def test_an_output_path_that_cannot_be_written(tmp_path: Path, capsys: pytest.Ca
     assert file.read_text(encoding="utf-8") == "mine"
 
 
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["demo", "--allocator", "cpsat", "--no-record"],
+        ["study", "--allocators", "greedy,cpsat", "--robots", "2", "--seeds", "2"],
+    ],
+)
+def test_an_allocator_without_its_solver_is_refused(
+    words: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Without its package `cpsat` hands on to another allocator, whose figures would stand under its name."""
+    monkeypatch.setitem(SOLVERS, "cpsat", ("solver_that_is_not_there", "OR-Tools", "pip install '.[cpsat]'"))
+    with pytest.raises(SystemExit) as stop:
+        main([*words, "--out", str(tmp_path / "run")])
+    said = capsys.readouterr()
+    assert (stop.value.code, said.out) == (2, "")
+    assert said.err.endswith(" cpsat needs OR-Tools, which is not installed; valid: pip install '.[cpsat]'\n")
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_taken_port_is_told_without_a_number_of_the_system(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A friction of the first hour: `[Errno 2]` and its like in messages."""
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = str(taken.getsockname()[1])
+        words = ["demo", "--site", "cell", "--robots", "1", "--tasks", "1", "--fidelity", "grid", "--serve"]
+        with pytest.raises(SystemExit) as stop:
+            main([*words, "--port", port, "--out", str(tmp_path)])
+    said = capsys.readouterr().err
+    assert stop.value.code == 2
+    assert f"port {port} for the live viewer: Address already in use; valid: a free port" in said
+    assert "Errno" not in said
+
+
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full, a device that is always full")
 def test_a_full_disk_behind_the_output_is_one_line(repository: Path) -> None:
     """It was three, with a status of Python's own, and without a word of what was full."""
@@ -324,6 +363,7 @@ def test_places_that_take_no_files_are_one_line(out: str, capsys: pytest.Capture
 
 AS_NOBODY = """
 import os, sys
+from fleet.cli.arguments import SOLVERS
 from fleet.cli.main import main
 
 def say(run, site):

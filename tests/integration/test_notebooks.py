@@ -29,8 +29,10 @@ def notebook_of(folder: Path, *sources: str) -> Path:
     return folder / "made.ipynb"
 
 
-def test_there_are_notebooks() -> None:
-    assert TOUR in [path.stem for path in NOTEBOOKS]
+def test_there_are_notebooks_on_every_subject() -> None:
+    """A friction of the first hour: one notebook, without scheduling, choice of planners, training or debugging."""
+    subjects = ("tour", "planners", "scheduling", "arms", "training", "debugging")
+    assert [path.stem for path in NOTEBOOKS] == [f"{k:02}_{name}" for k, name in enumerate(subjects, start=1)]
 
 
 def test_the_tour_runs() -> None:

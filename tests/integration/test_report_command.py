@@ -1,6 +1,8 @@
 """`fleet report`: its figures are the run's own, seen from several sides, and the page needs nothing but itself."""
 
 import csv
+import errno
+import os
 import re
 import shutil
 import sys
@@ -184,6 +186,24 @@ def test_a_run_that_was_killed_still_has_a_page(run: Run, tmp_path: Path) -> Non
         main(["report", str(cut)])
     assert stop.value.code == 0
     assert "did not come to its end" in Page((cut / "report" / "report.html").read_text(encoding="utf-8")).text
+
+
+def test_a_disk_that_is_full_is_one_line_and_leaves_no_half_page(
+    run: Run, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """On a full disk the cure that was named was a directory that can be written."""
+
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr("fleet.report.page.write_page", full)
+    with pytest.raises(SystemExit) as stop:
+        main(["report", str(run.directory), "--out", str(tmp_path / "page")])
+    said = capsys.readouterr()
+    assert (stop.value.code, said.out) == (2, "")
+    assert said.err.endswith("No space left on device; valid: room on its disk, or another directory (--out)\n")
+    assert said.err.count("\n") == 1
+    assert not (tmp_path / "page").exists()
 
 
 @pytest.mark.parametrize(

@@ -168,6 +168,16 @@ def test_a_bound_that_some_runs_do_not_know_is_none() -> None:
     assert least_bound([row(**nothing)]) is None
 
 
+def test_without_a_knee_the_page_shows_none(tmp_path: Path) -> None:
+    """A friction of the first hour: 'Knee is coloured', and no row was, and nothing was said of that."""
+    findings = find([row("greedy", n, throughput_per_h=100.0 * n) for n in (1, 2, 3, 4)], ("greedy",))
+    assert findings.curves[0].knee is None
+    write_page(tmp_path / "p.html", findings=findings, plots=[], title="t", settings="s")
+    page = (tmp_path / "p.html").read_text(encoding="utf-8")
+    assert 'class="knee"' not in page
+    assert "greedy: no knee from 1 to 4 cars" in page
+
+
 def test_the_page_needs_nothing_else_and_the_plots_are_pictures(tmp_path: Path) -> None:
     """A friction of the first hour: the bottleneck, a sentence in a column that did not wrap, was cut off."""
     findings = find([*ROWS, row("<b>", 1)], ("greedy", "hungarian", "<b>"))
@@ -178,6 +188,7 @@ def test_the_page_needs_nothing_else_and_the_plots_are_pictures(tmp_path: Path) 
     assert '<td class="words">cars (at work 78 % of the time)</td>' in page
     assert page.count("<svg ") == len(plots) == 3
     assert "knee: 3 cars" in page
+    assert page.count('<tr class="knee">') == 2
     for outside in ("src=", "href=", "url(", "<script", "@import"):
         assert outside not in page
     assert page.replace("http://www.w3.org/2000/svg", "").count("http") == 0
