@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Literal
@@ -282,7 +283,13 @@ def save_site(site: Site, path: str | os.PathLike[str]) -> None:
         part.write_text("\n".join(lines) + "\n", encoding="utf-8")
         part.replace(target)
     except OSError as error:
-        raise SiteFileError(f"site {site.name}: cannot be written to {target}: {error.strerror or error}") from error
+        raise SiteFileError(
+            f"site {site.name}: cannot be written to {target}: {error.strerror or error}; valid: a file in a folder "
+            "that is there, can be written and has room on its disk"
+        ) from error
+    finally:
+        with suppress(OSError):
+            part.unlink()
 
 
 def site_from_plan(

@@ -14,6 +14,7 @@ from rich.table import Table
 from fleet.cli.run_output import plain_console
 from fleet.config import require
 from fleet.errors import ConfigError
+from fleet.whole_file import write_whole
 
 if TYPE_CHECKING:
     import numpy as np
@@ -83,7 +84,7 @@ class Calibrate:
         for line in _remarks(fit, drive):
             console.print(line, soft_wrap=True)
         if self.out is not None:
-            self.out.write_text(json.dumps(_figures(self, fit, drive), indent=2) + "\n", encoding="utf-8")
+            write_whole(self.out, json.dumps(_figures(self, fit, drive), indent=2) + "\n")
             console.print(f"{self.out}: the figures", soft_wrap=True)
         return 0
 

@@ -17,6 +17,7 @@ from fleet.cli.run_output import plain_console
 from fleet.config import require
 from fleet.terminal.interrupts import interrupts
 from fleet.terminal.progress_bar import Bar
+from fleet.whole_file import write_whole
 
 if TYPE_CHECKING:
     from fleet.league.arena import Arena
@@ -88,7 +89,7 @@ class Lorr:
                 write_result(self.output, played.result)
             summary = self._summary(problem, played)
             if self.json is not None:
-                self.json.write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
+                write_whole(self.json, json.dumps(summary, indent=2) + "\n")
         console = plain_console()
         console.print(_table(summary))
         if played.conflicts:

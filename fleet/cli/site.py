@@ -76,13 +76,13 @@ class SiteList:
         """Print one line per site."""
         from maps.site import outline, site_names
 
-        for name in site_names():
+        names = site_names()
+        width = max(map(len, names))
+        for name in names:
             site = outline(name)
             metres = _metres(site.rows, site.cols, site.cell_m)
-            sys.stdout.write(
-                f"{name:10s} {metres}, {site.n_pick} pick and {site.n_drop} drop stations, "
-                f"parking for {site.n_parking} cars\n"
-            )
+            stations = f"{site.n_pick} pick and {site.n_drop} drop station{'s' if site.n_drop > 1 else ''}"
+            sys.stdout.write(f"{name:{width}} {metres}, {stations}, parking for {site.n_parking} cars\n")
         return 0
 
 

@@ -225,6 +225,6 @@ def _table(outcome: Outcome, title: str) -> Table:
                 between(point.lateness_s),
                 between(point.waiting_share, scale=100.0),
                 "-" if point.bound is None else f"{point.bound.per_h:.0f} {point.bound.name}",
-                f"{point.bottleneck.name} {100.0 * point.bottleneck.share:.0f} %",
+                point.bottleneck.brief,
             )
     return table

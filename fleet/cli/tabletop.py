@@ -15,6 +15,7 @@ from rich.table import Table
 
 from fleet.cli.run_output import plain_console
 from fleet.config import Connect, require
+from fleet.whole_file import write_whole
 
 if TYPE_CHECKING:
     import numpy as np
@@ -130,7 +131,7 @@ class _Tabletop:
 
         figures = {"table": self.name, "seed": self.seed, **own}
         result = {**figures, **more, "settings": asdict(self), "versions": versions()}
-        (self.out / RESULT).write_text(json.dumps(result, indent=2, default=str) + "\n", encoding="utf-8")
+        write_whole(self.out / RESULT, json.dumps(result, indent=2, default=str) + "\n")
         table = Table(title=f"tabletop {self.name}", show_header=False)
         for key, value in figures.items():
             table.add_row(WORDS.get(key, key.replace("_", " ")), str(value)[:16])

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fleet.charts.statistics import Estimate, estimate, paired
+from fleet.insight.metrics import BUSY
 from fleet.study.knee import find_knee
 from fleet.study.table import Row
 
@@ -18,6 +19,9 @@ missing what is under way at the end of a run."""
 SPARE = 0.1
 """Share of their time that cars have nothing to do, although orders are open, from which more cars would be no help."""
 
+NOTHING = "none"
+"""Name of the bottleneck where there is none."""
+
 Figure = Callable[[Row], float | None]
 
 
@@ -26,20 +30,29 @@ class Bottleneck:
     """What limits a fleet."""
 
     name: str
-    """A station, `cars`, `traffic` or `orders`."""
+    """A station, `cars`, `traffic` or `orders`; `NOTHING` where no station has enough to do to be one."""
     share: float
-    """Share of the time it is in use; of `traffic`, share of the cars' time lost in it; of `orders`, share done."""
+    """Share of the time it is in use; of `traffic`, share of the cars' time lost in it; of `orders`, share done; of
+    `NOTHING`, share of the time in which the busiest station works."""
     contended_share: float = 0.0
     """Of a station: share of the time in which it is, and cars wait for it."""
     idle_share: float = 0.0
     """Share of the cars' time in which they have nothing to do although orders are open; 0 below `SPARE`."""
+    busiest: str = ""
+    """Of `NOTHING`: the busiest station."""
+
+    @property
+    def brief(self) -> str:
+        """What a narrow column has room for."""
+        return self.name if self.name == NOTHING else f"{self.name} {100.0 * self.share:.0f} %"
 
     def __str__(self) -> str:
         if self.name == "orders":
             return f"orders ({100.0 * self.share:.0f} % of them delivered)"
         if self.name == "traffic":
             return f"traffic (cars stand in it {100.0 * self.share:.0f} % of their time)"
-        said = f"{self.name} (at work {100.0 * self.share:.0f} % of the time"
+        name = f"{NOTHING}, the busiest station is {self.busiest}" if self.name == NOTHING else self.name
+        said = f"{name} (at work {100.0 * self.share:.0f} % of the time"
         if self.name != "cars":
             said += f", cars waiting for it {100.0 * self.contended_share:.0f} %"
         if self.idle_share:
@@ -138,7 +151,7 @@ def bottleneck(rows: Sequence[Row]) -> Bottleneck:
 
     Orders limit a fleet that delivers them as they come. Else the candidates are every station's arm, the cars
     (driving, being served or visiting) unless they are idle for a good part of it, and traffic, by the share of their
-    time that cars lose in it.
+    time that cars lose in it. A station that works less than `BUSY` of the time is none, here as in a run's result.
 
     Source: the bottleneck is the device of greatest utilisation: P. J. Denning, J. P. Buzen, "The Operational Analysis
     of Queueing Network Models", ACM Computing Surveys 10(3), 1978.
@@ -157,11 +170,13 @@ def bottleneck(rows: Sequence[Row]) -> Bottleneck:
         used = [row.driving_loaded + row.driving_empty + row.served + row.visiting for row in rows]
         shares["cars"] = float(np.mean(used))
     name = max(shares, key=lambda key: shares[key])
+    spare = name in stations and shares[name] < BUSY
     return Bottleneck(
-        name=name,
+        name=NOTHING if spare else name,
         share=shares[name],
         contended_share=stations[name][1] if name in stations else 0.0,
         idle_share=idle if idle >= SPARE else 0.0,
+        busiest=name if spare else "",
     )
 
 

@@ -56,6 +56,17 @@ def test_a_public_class_has_a_name_of_its_own(repository: Path) -> None:
     assert {name: len(where) for name, where in sorted(homes.items()) if len(where) > 1} == {}
 
 
+def test_what_commands_write_is_whole(repository: Path) -> None:
+    """Bad input of the first hour: on a full disk a command left an empty file with the name that was asked for."""
+    found = [
+        f"{path.relative_to(repository)}:{node.lineno}"
+        for path in sorted((repository / "fleet" / "cli").rglob("*.py"))
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Attribute) and node.attr in ("write_text", "write_bytes")
+    ]
+    assert found == [], "fleet.whole_file.write_whole leaves a whole file or none"
+
+
 def long_constructors(tree: SourceTree) -> Iterator[tuple[str, int]]:
     """Classes of `fleet` whose own constructor takes too many parameters, and how many."""
     for module, made in tree.classes():

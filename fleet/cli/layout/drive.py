@@ -16,6 +16,7 @@ from fleet.cli.site import FORMATS
 from fleet.config import require
 from fleet.config.settings import positive
 from fleet.terminal.progress_bar import Bar
+from fleet.whole_file import write_whole
 
 if TYPE_CHECKING:
     from fleet.free_lanes.run import LayoutResult
@@ -88,7 +89,7 @@ class LayoutDrive:
         plain_console().print(figure_table(lane_figures(lanes) | _figures(result)))
         sys.stdout.writelines(f"note: {note}\n" for note in lanes.notes)
         if self.json is not None:
-            self.json.write_text(json.dumps(asdict(result), indent=2) + "\n", encoding="utf-8")
+            write_whole(self.json, json.dumps(asdict(result), indent=2) + "\n")
         return DONE if result.trips >= self.trips and not result.contacts else NOT_DONE
 
     def _world(self, scene: Scene) -> World:

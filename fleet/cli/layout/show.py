@@ -13,6 +13,7 @@ from fleet.cli.layout.lanes_file import lane_figures, read_lanes
 from fleet.cli.run_output import figure_table, plain_console
 from fleet.cli.site import FORMATS
 from fleet.config import require
+from fleet.whole_file import write_whole
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,6 +40,6 @@ class LayoutShow:
         if self.picture is not None:
             from fleet.free_lanes.picture import lane_picture
 
-            self.picture.write_text(lane_picture(lanes).svg(), encoding="utf-8")
+            write_whole(self.picture, lane_picture(lanes).svg())
             sys.stdout.write(f"{self.picture}: the lanes\n")
         return 0

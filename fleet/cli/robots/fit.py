@@ -13,6 +13,7 @@ from rich.table import Table
 from fleet.cli.run_output import plain_console
 from fleet.config import require
 from fleet.errors import ConfigError
+from fleet.whole_file import write_whole
 from maps.reading.near import hint
 
 DONE = 0
@@ -58,6 +59,6 @@ class RobotFit:
         self.out.mkdir(parents=True, exist_ok=True)
         path = self.out / f"{self.name}_fit.json"
         settings = {"robot": self.name, "load_kg": self.load, "seed": self.seed}
-        path.write_text(json.dumps(settings | asdict(fit), indent=2) + "\n", encoding="utf-8")
+        write_whole(path, json.dumps(settings | asdict(fit), indent=2) + "\n")
         console.print(f"{path}: the figures; the robot's file is as it was", soft_wrap=True)
         return DONE

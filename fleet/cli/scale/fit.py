@@ -12,6 +12,7 @@ from rich.table import Table
 
 from fleet.cli.run_output import plain_console
 from fleet.config import require
+from fleet.whole_file import write_whole
 
 if TYPE_CHECKING:
     from fleet.scale.fit import CarFit, Checked, FitOutcome
@@ -64,7 +65,7 @@ class FitCommand:
         console.print(_errors(outcome.checked, name))
         self.out.parent.mkdir(parents=True, exist_ok=True)
         settings = {"site": self.site, "robots": self.robots, "duration_s": self.duration, "seed": self.seed}
-        self.out.write_text(json.dumps(settings | plain(outcome), indent=2) + "\n", encoding="utf-8")
+        write_whole(self.out, json.dumps(settings | plain(outcome), indent=2) + "\n")
         console.print(f"{self.out}: the figures; the kinematic world is as it was", soft_wrap=True)
         return DONE
 

@@ -12,6 +12,7 @@ from fleet.cli.run_output import figure_table, plain_console
 from fleet.config import require
 from fleet.config.settings import positive
 from fleet.terminal.progress_bar import Bar
+from fleet.whole_file import write_whole
 
 if TYPE_CHECKING:
     from fleet.session.car_watch import CarWatch
@@ -79,7 +80,7 @@ class YardDemo:
         console = plain_console()
         console.print(figure_table(_figures(result)))
         if self.json is not None:
-            self.json.write_text(json.dumps(asdict(result), indent=2) + "\n", encoding="utf-8")
+            write_whole(self.json, json.dumps(asdict(result), indent=2) + "\n")
         return TOUCHED if result.contacts else DONE
 
     def _world(self, scene: Scene) -> World:

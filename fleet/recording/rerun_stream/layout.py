@@ -77,7 +77,8 @@ def layout(
         rrb.TextLogView(
             origin="/log",
             name="Log",
-            columns=rrb.TextLogColumns(timeline_columns=["sim_time"], text_log_columns=["LogLevel", "Body"]),
+            # No column of levels: it took a third of the room that sentences need.
+            columns=rrb.TextLogColumns(timeline_columns=["sim_time"], text_log_columns=["Body"]),
         ),
         rrb.TextDocumentView(origin="/about", name="About"),
     ]
@@ -96,7 +97,7 @@ def layout(
                 _lanes("Robots", "cars", "arms"),
                 _lanes("Tasks", "tasks"),
                 why,
-                rrb.Horizontal(rrb.Tabs(*plotted), rrb.Tabs(*text), column_shares=[6, 5]),
+                rrb.Horizontal(rrb.Tabs(*plotted), rrb.Tabs(*text), column_shares=[4, 5]),
                 row_shares=[(n_lanes + 1.7) * _LANE_PX, (_TASKS_SEEN + 1.7) * _LANE_PX, 68.0, 130.0],
             ),
             column_shares=[3, 2],

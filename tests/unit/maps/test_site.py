@@ -1,4 +1,6 @@
+import errno
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -64,6 +66,19 @@ def test_unwritable_path_is_named(tmp_path):
         save_site(load_site("cell"), tmp_path / "no" / "site.toml")
     with pytest.raises(SiteFileError, match="valid: a file"):
         save_site(load_site("cell"), "")
+
+
+def test_a_full_disk_leaves_no_part_of_a_site_file(tmp_path, monkeypatch):
+    """Bad input of the first hour: a full disk left an empty `site.toml.part`, and the message named no cure."""
+
+    def full(path: Path, *words: object, **more: object) -> int:
+        path.touch()
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_text", full)
+    with pytest.raises(SiteFileError, match=r"No space left on device; valid: .* room on its disk"):
+        save_site(load_site("cell"), tmp_path / "site.toml")
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("name", site_names())

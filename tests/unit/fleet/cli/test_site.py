@@ -38,10 +38,15 @@ def said(words: list[str], capsys: pytest.CaptureFixture[str]) -> str:
 
 
 def test_list_has_a_line_for_every_site(capsys: pytest.CaptureFixture[str]) -> None:
+    """Of the kind of a friction of the first hour, `1 other places`: one station was told as `1 drop stations`."""
     lines = said(["list"], capsys).splitlines()
     assert [line.split()[0] for line in lines] == list(site_names())
     small = next(line for line in lines if line.startswith("small"))
     assert "16 x 13 m, 2 pick and 2 drop stations, parking for 18 cars" in small
+    assert "1 pick and 1 drop station, parking" in next(line for line in lines if line.startswith("cell"))
+    longest = max(map(len, site_names()))
+    assert {line.rstrip()[longest] for line in lines} == {" "}
+    assert all(line[longest + 1].isdigit() for line in lines)
 
 
 @pytest.mark.parametrize("name", site_names())

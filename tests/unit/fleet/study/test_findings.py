@@ -155,6 +155,16 @@ def test_the_bottleneck_is_what_is_in_use_most(changes: dict[str, object], name:
     assert (found.name, str(found)) == (name, said)
 
 
+def test_no_station_that_has_time_to_spare_is_the_bottleneck() -> None:
+    """A friction of the first hour: a station with little to do was called the bottleneck, here at 45 % of the time."""
+    found = bottleneck([row(stations="pick_1=0.3000/0.1 drop_1=0.4500/0.16", driving_loaded=0.2, idle=0.2)])
+    assert (found.name, found.brief) == ("none", "none")
+    assert str(found) == (
+        "none, the busiest station is drop_1 (at work 45 % of the time, cars waiting for it 16 %; "
+        "cars are idle 20 % of their time)"
+    )
+
+
 def test_the_least_bound_binds_and_is_told_with_what_was_made_of_it() -> None:
     found = least_bound([row(), row(seed=20, bound_cars_per_h=140.0)])
     assert found is not None
