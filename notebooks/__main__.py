@@ -14,6 +14,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from fleet.whole_file import takes_file, write_whole
+
 HERE = Path(__file__).parent
 OUT = Path("build") / "notebooks"
 CELL_TIMEOUT_S = 300
@@ -29,6 +31,7 @@ _PAGE = """{% extends 'lab/index.html.j2' %}
 {% block html_head_js_mermaidjs %}{% endblock %}
 """
 """The page of JupyterLab without scripts from elsewhere: no notebook has formulas, widgets or diagrams in Mermaid."""
+_WRITABLE = "a directory that can be written and has room on its disk"
 _COLOUR = re.compile(r"\x1b\[[0-9;]*m")
 
 
@@ -37,7 +40,7 @@ class NotebookError(Exception):
 
 
 def require_kernel() -> None:
-    """Refuse to begin without the packages that run notebooks.
+    """Refuse to begin without the packages that run notebooks, and their kernel.
 
     Raises:
         NotebookError: One is missing; says how to install it.
@@ -45,6 +48,12 @@ def require_kernel() -> None:
     missing = [name for name in NEEDED if importlib.util.find_spec(name) is None]
     if missing:
         raise NotebookError(f"notebooks need {', '.join(missing)}; valid: {CURE}")
+    from jupyter_client.kernelspec import KernelSpecManager, NoSuchKernel
+
+    try:
+        KernelSpecManager().get_kernel_spec(KERNEL)
+    except NoSuchKernel as error:
+        raise NotebookError(f"there is no kernel {KERNEL!r}; valid: {CURE}") from error
 
 
 def execute(path: Path) -> Any:
@@ -116,9 +125,12 @@ def render(path: Path, out: Path) -> Path:
     notebook.metadata["title"] = _title(notebook, path.stem)
     exporter = HTMLExporter(extra_loaders=[DictLoader({"page.html.j2": _PAGE})], template_file="page.html.j2")
     page, _ = exporter.from_notebook_node(notebook)
-    out.mkdir(parents=True, exist_ok=True)
     target = out / f"{path.stem}.html"
-    target.write_text(page, encoding="utf-8")
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        write_whole(target, page)
+    except OSError as error:
+        raise NotebookError(f"{target}: {error.strerror or error}; valid: {_WRITABLE}") from error
     return target
 
 
@@ -149,6 +161,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if unknown:
             raise NotebookError(f"there is no notebook {unknown[0]!r}; valid: {', '.join(names)}")
         require_kernel()
+        told.out.mkdir(parents=True, exist_ok=True)
+        if not takes_file(told.out / "page.html"):
+            raise NotebookError(f"--out {told.out} cannot be written; valid: {_WRITABLE}")
+    except OSError as error:
+        print(f"--out {told.out}: {error.strerror or error}; valid: {_WRITABLE}", file=sys.stderr)
+        return REFUSED
     except NotebookError as error:
         print(error, file=sys.stderr)
         return REFUSED

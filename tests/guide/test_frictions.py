@@ -89,6 +89,33 @@ def test_general_names_of_the_wheel_are_told_where_it_is_installed() -> None:
     assert "The wheel has three packages: `fleet`, `maps` and `planners`" in text
 
 
+@pytest.mark.parametrize(
+    ("friction", "page", "words"),
+    [
+        (
+            "three minutes of set-up behind two lines",
+            "Makefile",
+            "pip fetches about 700 MB in silence, which become 2 GB",
+        ),
+        (
+            "a server's newcomer was told of no driver",
+            "docs/guide/troubleshooting.md",
+            "apt-get install mesa-vulkan-drivers",
+        ),
+        ("`NUMBA_CACHE_DIR` stood on no page", "docs/guide/troubleshooting.md", "set `NUMBA_CACHE_DIR` to a directory"),
+        ("`give arms some beside them`", "docs/guide/sites.md", "arms need some of these cells beside them"),
+        ("`rewards=` was a guess: the keyword is `weights=`", "docs/guide/own_environment.md", "weights=weights"),
+        ("no word on rewards that are no weights", "docs/guide/own_environment.md", "(BaseParallelWrapper)"),
+        ("the wheelbase stood in no table", "docs/guide/limits.md", "wheelbase 0.325 m"),
+        ("`the same time, seen three times`", "fleet/report/page.py", "Each wait is in up to three lists"),
+        ("an events example that ends with 1, without a word", "docs/guide/disturbances.md", "so the exit status is 1"),
+    ],
+)
+def test_what_had_to_be_guessed_is_told(friction: str, page: str, words: str) -> None:
+    """Frictions of the first hour that were a missing sentence."""
+    assert words in " ".join((REPOSITORY / page).read_text(encoding="utf-8").split()), friction
+
+
 def test_speeds_of_worlds_are_set_against_what_they_are_for() -> None:
     """A friction of the first hour: a grid no faster than the kinematic world, so what is it good for?"""
     cells = json.loads((REPOSITORY / "notebooks/01_tour.ipynb").read_text(encoding="utf-8"))["cells"]

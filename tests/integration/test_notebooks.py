@@ -106,6 +106,24 @@ def test_a_kernel_that_is_not_there_is_one_line(tmp_path: Path, monkeypatch: pyt
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler, "Ctrl-C would do nothing from here on"
 
 
+def test_no_notebook_is_begun_without_its_kernel_or_a_place_for_its_page(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Bad input of the first hour: status 1 for each notebook without a kernel, and a traceback after a run."""
+    monkeypatch.setattr(notebooks, "render", lambda *_: pytest.fail("a notebook was begun"))
+    (tmp_path / "file").touch()
+    for out in (tmp_path / "file", Path("/proc/pages")):
+        assert notebooks.main([TOUR, "--out", str(out)]) == notebooks.REFUSED
+        said = capsys.readouterr()
+        assert (said.out, said.err.count("\n")) == ("", 1)
+        assert said.err.startswith(f"--out {out}")
+        assert "valid: a directory that can be written" in said.err
+    monkeypatch.setattr(notebooks, "KERNEL", "fortran")
+    assert notebooks.main(["--out", str(tmp_path / "out")]) == notebooks.REFUSED
+    assert capsys.readouterr().err.startswith("there is no kernel 'fortran'; valid: ")
+    assert not (tmp_path / "out").exists()
+
+
 def test_the_command_names_the_notebooks_that_there_are(repository: Path) -> None:
     found = subprocess.run(
         [sys.executable, "-m", "notebooks", "02_planer"], cwd=repository, capture_output=True, text=True, check=False
