@@ -48,7 +48,7 @@ $(STAMP): pyproject.toml
 	  echo "make: $$python cannot create virtual environments: its venv module is missing (Debian, Ubuntu: apt-get install python3.11-venv)." >&2; \
 	  exit 1; \
 	fi; \
-	echo "Setting up $(VENV) with $$("$$python" --version); the first time takes a few minutes: pip fetches about 700 MB in silence, which become 2 GB."; \
+	echo "Setting up $(VENV) with $$("$$python" --version); the first time takes a few minutes: about 700 MB to fetch, 2 GB on the disk, and pip is silent meanwhile."; \
 	if ! $(BIN)/python -c '' >/dev/null 2>&1; then "$$python" -m venv --clear $(VENV); fi; \
 	find fleet maps planners -name "*.nb[ic]" -delete; \
 	$(BIN)/python -m pip install --quiet --quiet --disable-pip-version-check --editable '.[dev,interop,mcap,notebook,open_floor,rmf,ros,vda5050]'; \

@@ -95,7 +95,7 @@ def test_general_names_of_the_wheel_are_told_where_it_is_installed() -> None:
         (
             "three minutes of set-up behind two lines",
             "Makefile",
-            "pip fetches about 700 MB in silence, which become 2 GB",
+            "and pip is silent meanwhile",
         ),
         (
             "a server's newcomer was told of no driver",
