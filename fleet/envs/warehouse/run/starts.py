@@ -44,7 +44,7 @@ class Start:
     """And are turned by up to this much [rad]."""
     parcel_m: float = 0.0
     """Parcels that are in trays when the episode begins lie up to this far beside the middle, ahead and aside [m]; at
-    4 cm none touches the rim of a racecar's tray, however it is turned."""
+    4 cm none touches the rim of the usual car's tray, however it is turned."""
     parcel_rad: float = 0.0
     """And are turned from straight ahead by up to this much [rad]: whoever sets a parcel may turn it any way."""
     reach_m: tuple[float, float] | None = None
