@@ -37,6 +37,8 @@ class RowLayout:
     takes: bool = True
     """Whether none is chosen only where no thing is on offer: to wait costs nothing at once, which is easily mistaken
     for good."""
+    unseen: tuple[int, ...] = ()
+    """Numbers that a policy is not shown: to it they are what they are on average."""
 
     def sized(self, name: str, n_observed: int, action: Box | Discrete) -> RowLayout:
         """The same with all sizes known.
@@ -47,7 +49,8 @@ class RowLayout:
             action: What agents do.
 
         Raises:
-            TrainingError: The groups do not fit the observation, or the actions not the group they choose from.
+            TrainingError: The groups do not fit the observation, or the actions not the group they choose from, or a
+                number that is not shown is none of the observation.
         """
         n_actions = int(action.n) if isinstance(action, Discrete) else 0
         groups = []
@@ -72,7 +75,10 @@ class RowLayout:
                     f"layout of {name}: {n_actions} actions choose among {n_things} things; "
                     f"valid: as many, or one more for none"
                 )
-        return RowLayout(groups=tuple(groups), chosen=self.chosen, takes=self.takes)
+        for number in self.unseen:
+            if not 0 <= number < n_observed:
+                raise TrainingError(f"layout of {name}: number {number} is unseen; valid: from 0 to {n_observed - 1}")
+        return RowLayout(groups=tuple(groups), chosen=self.chosen, takes=self.takes, unseen=self.unseen)
 
     def own(self, n_observed: int) -> list[int]:
         """Indices of the numbers that are in no group, ascending."""

@@ -24,16 +24,18 @@ class Normalizer:
     Args:
         n: Numbers in a row.
         fixed: Indices of those that stay as they are.
+        unseen: Indices of those that become zero, whatever they are.
 
     Source: T. F. Chan, G. H. Golub, R. J. LeVeque, "Updating formulae and a pairwise algorithm for computing sample
     variances", Stanford CS-TR-79-773, 1979.
     """
 
-    def __init__(self, n: int, fixed: Sequence[int] = ()) -> None:
+    def __init__(self, n: int, fixed: Sequence[int] = (), unseen: Sequence[int] = ()) -> None:
         self.mean = np.zeros(n)
         self.variance = np.ones(n)
         self.count = 0.0
         self._fixed = np.array(fixed, dtype=np.int64)
+        self._unseen = np.array(unseen, dtype=np.int64)
 
     def update(self, rows: npt.NDArray[np.floating]) -> None:
         """Take rows of shape (m, n) into account."""
@@ -54,6 +56,7 @@ class Normalizer:
         """Normalise rows of shape (m, n), into an array of this shape if there is one."""
         scaled = np.empty_like(rows) if out is None else out
         factor = np.where(self.is_same(), 0.0, 1.0 / np.sqrt(np.maximum(self.variance, 0.0) + _EPSILON))
+        factor[self._unseen] = 0.0
         _scale(rows, self.mean.astype(np.float32), factor.astype(np.float32), np.float32(CLIP), scaled)
         return scaled
 

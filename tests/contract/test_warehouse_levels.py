@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -16,6 +17,7 @@ from fleet.envs.warehouse.env import WarehouseEnv
 from fleet.envs.warehouse.levels import LEVELS
 from fleet.envs.warehouse.rewards import TERMS, RewardWeights
 from fleet.envs.warehouse.rows import GRIP_AT, N_CAR_NUMBERS, STOP_AT
+from fleet.tasks.board import TaskState
 
 WORTH = RewardWeights()
 FIDELITIES = [pytest.param("kinematic"), pytest.param("physics", marks=pytest.mark.bullet)]
@@ -160,6 +162,25 @@ def test_starts_differ_and_tolerances_decide(make: Callable[..., WarehouseEnv]) 
             *_, infos = env.step({"car_0": np.zeros(2)})
             paid += infos["car_0"]["docked"]
         assert paid == docked
+
+
+def test_parcels_begin_in_trays_as_the_start_says(make: Callable[..., WarehouseEnv]) -> None:
+    for start, most in (({}, (1e-9, 1e-9)), ({"parcel_m": 0.04, "parcel_rad": np.pi}, (0.04, np.pi))):
+        env, lying = make(level="transfer", start=start), []
+        for seed in range(12):
+            env.reset(seed=seed)
+            simulation = env.simulation
+            (task,) = (one for one in simulation.board.tasks if one.state is TaskState.CARRIED)
+            assert task.car is not None
+            x, y, yaw = simulation.world.car_poses()[task.car]
+            pose = simulation.view.knowledge.inventory.pose(task)
+            cos, sin = np.cos(yaw), np.sin(yaw)
+            ahead, left = cos * (pose[0] - x) + sin * (pose[1] - y), cos * (pose[1] - y) - sin * (pose[0] - x)
+            turn = math.remainder(2.0 * math.atan2(pose[5], pose[6]) - yaw, math.tau)
+            lying.append(np.abs([ahead - simulation.scene.cars[task.car].tray_x_m, left, turn]))
+        farthest = np.max(lying, axis=0)
+        assert (farthest <= np.array([most[0], most[0], most[1]]) + 1e-9).all()
+        assert (farthest >= 0.7 * np.array([most[0], most[0], most[1]]) - 1e-9).all()
 
 
 def test_cars_that_begin_on_their_ways_are_apart(make: Callable[..., WarehouseEnv]) -> None:

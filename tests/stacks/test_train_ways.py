@@ -287,6 +287,10 @@ def test_a_run_starts_from_what_another_learned(tmp_path: Path, known: Callable[
     known(layouts={"arm": RowLayout(groups=(Group(first=2, n_each=1, n_things=2),))})
     with pytest.raises(TrainingError, match=r"first/checkpoint\.pt: agents of type arm: layout was"):
         begun()
+    known(layouts={"arm": RowLayout(unseen=(1,))})
+    assert begun().learners["arm"].kind.layout.unseen == (1,), "what saw all goes on without some of it"
+    with pytest.raises(TrainingError, match=r"checkpoint\.pt: agents of type arm: unseen was \[\] and is \[1\] now"):
+        load_policy(tmp_path / "first")
     known(make=partial(Guess, n_cars=0))
     assert begun().learners.keys() == {"arm"}, "types that are not there are left alone"
 

@@ -91,13 +91,20 @@ class Inventory:
         self.n_entered += 1
         self._log("parcel_entered", task=task.order.name, station=station.name, slot=slot)
 
-    def enter_tray(self, task: Task, car: int) -> None:
-        """Put the parcel of a task into the middle of a car's tray: the run begins with it there."""
+    def enter_tray(self, task: Task, car: int, lying: FloatArray) -> None:
+        """Put the parcel of a task into a car's tray: the run begins with it there.
+
+        Args:
+            task: Whose parcel it is.
+            car: Whose tray it is.
+            lying: Ahead of the tray's middle, to the left of it [m] and turned from straight ahead [rad].
+        """
         x, y, yaw = self._world.car_poses()[car].tolist()
         model, size = self._models[car], task.delivery.size_m
-        ahead_m, z = model.tray_x_m, model.tray_floor_z_m + size[2] / 2 + DROP_M
-        place = x + ahead_m * np.cos(yaw), y + ahead_m * np.sin(yaw), z
-        pose = np.array([*place, 0.0, 0.0, np.sin(yaw / 2), np.cos(yaw / 2)])
+        ahead_m, z = model.tray_x_m + lying[0], model.tray_floor_z_m + size[2] / 2 + DROP_M
+        cos, sin, half_yaw = np.cos(yaw), np.sin(yaw), (yaw + lying[2]) / 2
+        place = x + ahead_m * cos - lying[1] * sin, y + ahead_m * sin + lying[1] * cos, z
+        pose = np.array([*place, 0.0, 0.0, np.sin(half_yaw), np.cos(half_yaw)])
         self._world.add_parcel(ParcelBody(parcel=task.parcel, size_m=size, mass_kg=task.delivery.mass_kg, pose=pose))
         self.n_entered += 1
         self._log("parcel_entered", task=task.order.name, car=f"car_{car}")

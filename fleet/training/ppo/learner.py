@@ -119,7 +119,9 @@ class Learner:
         self.optimizer = torch.optim.Adam(self.network.parameters(), lr=config.learning_rate, eps=1e-5, fused=True)
         # Things that are compared have to be told in the same units.
         own = kind.layout.own(kind.n_observed) if kind.layout.chosen is None else []
-        self.seen = Normalizer(kind.n_observed, sorted(set(range(kind.n_observed)) - set(own)))
+        self.seen = Normalizer(
+            kind.n_observed, fixed=sorted(set(range(kind.n_observed)) - set(own)), unseen=kind.layout.unseen
+        )
         self.told = Normalizer(n_state)
         """States."""
         self.earned = Normalizer(1)

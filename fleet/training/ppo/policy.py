@@ -150,11 +150,21 @@ def told_settings(told: Mapping[str, Any]) -> PpoConfig:
 def described(kind: AgentType) -> dict[str, Any]:
     """What a policy of these agents depends on, as a checkpoint keeps it."""
     layout = json.loads(json.dumps(dataclasses.asdict(kind.layout)))
-    return {"observes": kind.n_observed, "does": str(kind.action), "masked": kind.masked, "layout": layout}
+    unseen = layout.pop("unseen")
+    numbers = {"observes": kind.n_observed, "does": str(kind.action), "masked": kind.masked}
+    return {**numbers, "layout": layout, "unseen": unseen}
 
 
-def require_kinds(path: Path, told: Mapping[str, Any], kinds: Sequence[AgentType]) -> None:
+def require_kinds(
+    path: Path, told: Mapping[str, Any], kinds: Sequence[AgentType], but: frozenset[str] = frozenset()
+) -> None:
     """Make sure that a checkpoint is of these agents.
+
+    Args:
+        path: Of the checkpoint.
+        told: What it says of its agents, by type.
+        kinds: The agents.
+        but: Names of what may differ.
 
     Raises:
         TrainingError: It is of others.
@@ -164,8 +174,8 @@ def require_kinds(path: Path, told: Mapping[str, Any], kinds: Sequence[AgentType
         raise TrainingError(f"{path}: is of agents of the types {', '.join(told)}; valid: {names}")
     for kind in kinds:
         for name, value in described(kind).items():
-            was = told[kind.name].get(name)
-            if was != value:
+            was = told[kind.name].get(name, [])  # checkpoints of before show all
+            if name not in but and was != value:
                 raise TrainingError(
                     f"{path}: agents of type {kind.name}: {name} was {was!r} and is {value!r} now; "
                     f"valid: a checkpoint of this version of the environment"

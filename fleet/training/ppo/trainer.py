@@ -210,7 +210,9 @@ class Trainer:
         if ppo.critic == "central" and state["n_state"] != self._n_state:
             raise TrainingError(f"{path}: states have {state['n_state']} numbers; valid: {self._n_state}")
         learners = [self.learners[name] for name in known]
-        require_kinds(path, {name: state["kinds"][name] for name in known}, [learner.kind for learner in learners])
+        kinds = [learner.kind for learner in learners]
+        # What was learned with all numbers goes on without some of them.
+        require_kinds(path, {name: state["kinds"][name] for name in known}, kinds, but=frozenset({"unseen"}))
         for name, learner in zip(known, learners, strict=True):
             learner.begin_with(state["learners"][name])
 

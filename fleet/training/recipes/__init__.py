@@ -6,7 +6,7 @@ from fleet.training.recipes.navigate import CAR, NAVIGATE
 from fleet.training.recipes.reach import REACH
 from fleet.training.recipes.recipe import Recipe, TrainingStage
 from fleet.training.recipes.traffic import TRAFFIC
-from fleet.training.recipes.warehouse import APPROACH, CELL, DOCK, QUEUE, RESIDUAL, TRANSFER
+from fleet.training.recipes.warehouse import APPROACH, CELL, DOCK, QUEUE, RESIDUAL, SERVE, TRANSFER
 
 __all__ = ["RECIPES", "Recipe", "TrainingStage"]
 
@@ -21,6 +21,7 @@ RECIPES: dict[str, Recipe] = {
     "approach": APPROACH,
     "queue": QUEUE,
     "transfer": TRANSFER,
+    "serve": SERVE,
     "cell": CELL,
     "residual": RESIDUAL,
     "handover": HANDOVER,

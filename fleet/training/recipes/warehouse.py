@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+from fleet.training.layout import RowLayout
 from fleet.training.recipes.recipe import Recipe, TrainingStage
 from fleet.training.settings import PpoConfig
 
@@ -180,6 +182,33 @@ TRANSFER = Recipe(
         TrainingStage(name="without physics", shortest=0.5, longest=0.7, figure="loaded", reached=0.97),
         # In physics joints lag behind: 98 % of the transfers fail with what was learned without.
         TrainingStage(name="slippery", mix=({}, {"fidelity": "physics"})),
+    ),
+)
+
+_TURNS = (6, 13, *range(49, 53), 62)
+"""Of an arm's observation, where its wrist is turned to and how fast, yaws of parcel and place, and the last turn: a
+parcel may be set turned any way, and nothing of this says where to."""
+_ANYHOW = {"start": {"parcel_m": 0.04, "parcel_rad": math.pi, "side_m": 0.035, "turn_rad": 0.09}}
+_SHIFT = {"level": "all", "n_cars": 0, "classical_cars": 2, "tasks": 4, "max_cycles": 500}
+SERVE = Recipe(
+    summary="arms wait for cars and serve them, however a parcel lies in a tray",
+    make=_warehouse,
+    scripted=_classical,
+    script=TRANSFER.script,
+    figures=(*TRANSFER.figures, "contact"),
+    at_end={"deliveries": n_deliveries, **TRANSFER.at_end},
+    layouts={"arm": RowLayout(unseen=_TURNS)},
+    n_steps=120_000,
+    ppo=replace(TRANSFER.ppo, clone_n=0, learning_rate=5e-4),
+    # Who is paid for nothing while it waits wanders off: waiting is to stand.
+    arguments={**TRANSFER.arguments, "site": "cell", "weights": {**TRANSFER.arguments["weights"], "effort": -0.15}},
+    stages=(
+        # Alone, arms found one parcel at a time, and were served at once. Here another one stands beside it, which in
+        # physics may be knocked off its slot.
+        TrainingStage(
+            name="one after the other",
+            mix=(_SHIFT, {**_SHIFT, **_PHYSICS}, {**_ANYHOW, **_PHYSICS}, {**_SHIFT, **_PHYSICS}),
+        ),
     ),
 )
 

@@ -76,11 +76,12 @@ class AgentSimulation(Simulation):
         """Let cars be on their way to their stations, with their parcels."""
         rules, board = self.dispatcher.rules, self.board
         rules.backlog.release(0.0)
-        for task, errand in zip(board.tasks, self._beginning.errands, strict=False):
+        beginning = self._beginning
+        for task, errand, lying in zip(board.tasks, beginning.errands, beginning.lying, strict=False):
             self.missions.assign(errand.car, task, 0.0)
             if errand.loaded:
                 why = "the run begins with it in the tray"
-                self.view.knowledge.inventory.enter_tray(task, errand.car)
+                self.view.knowledge.inventory.enter_tray(task, errand.car, lying)
                 board.move(task, TaskState.LOADING, 0.0, why)
                 board.move(task, TaskState.CARRIED, 0.0, why)
             rules.admission.set_off(errand.car, task, 0, 0.0)

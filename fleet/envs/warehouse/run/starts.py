@@ -42,13 +42,18 @@ class Start:
     """Agents' cars begin up to this far beside their lanes or stop poses, also ahead or behind [m]."""
     turn_rad: float = 0.0
     """And are turned by up to this much [rad]."""
+    parcel_m: float = 0.0
+    """Parcels that are in trays when the episode begins lie up to this far beside the middle, ahead and aside [m]; at
+    4 cm none touches the rim of the usual car's tray, however it is turned."""
+    parcel_rad: float = 0.0
+    """And are turned from straight ahead by up to this much [rad]: whoever sets a parcel may turn it any way."""
     reach_m: tuple[float, float] | None = None
     """Agents' arms begin with their tips so far from the parcels they are to move, the least and the greatest [m];
     None = at home."""
 
     def __post_init__(self) -> None:
         require(self.cars in PLACES, "start.cars", self.cars, ", ".join(PLACES))
-        for name, most in (("side_m", 0.3), ("turn_rad", 1.0)):
+        for name, most in (("side_m", 0.3), ("turn_rad", 1.0), ("parcel_m", 0.04), ("parcel_rad", math.pi)):
             value = getattr(self, name)
             require(is_number(value) and 0.0 <= value <= most, f"start.{name}", value, f"a number from 0 to {most}")
         require(_is_range(self.near_m, 50.0), "start.near_m", self.near_m, "two numbers from 0 to 50, ascending")
@@ -98,6 +103,9 @@ class Beginning:
     errands: tuple[Errand, ...] = ()
     orders: tuple[Delivery, ...] = ()
     """One for each errand."""
+    lying: FloatArray
+    """How parcels of errands lie in their trays, ahead of the middle, to the left of it [m] and turned [rad], shape
+    (n_errands, 3)."""
 
 
 def draw_beginning(
@@ -143,7 +151,10 @@ def draw_beginning(
     poses[:n_moved, :2] += rng.uniform(-start.side_m, start.side_m, (n_moved, 2))
     poses[:n_moved, 2] += rng.uniform(-start.turn_rad, start.turn_rad, n_moved)
     orders = tuple(_order(ground, errand, rng) for errand in errands)
-    return Beginning(states=states, poses=poses, errands=tuple(errands), orders=orders)
+    most = np.array([start.parcel_m, start.parcel_m, start.parcel_rad])
+    # Who does not ask for it finds the episodes of a seed as they were.
+    lying = rng.uniform(-most, most, (len(errands), 3)) if most.any() else np.zeros((len(errands), 3))
+    return Beginning(states=states, poses=poses, errands=tuple(errands), orders=orders, lying=lying)
 
 
 def dock_states(graph: LaneGraph, site: Site) -> npt.NDArray[np.int64]:

@@ -38,3 +38,10 @@ def test_continuous_actions_choose_nothing() -> None:
     layout = RowLayout(groups=(Group(first=0, n_each=1, n_things=2),), chosen=0)
     with pytest.raises(TrainingError, match="0 actions choose among 2 things"):
         layout.sized("car", 10, Box(-1, 1, (2,), np.float32))
+
+
+def test_numbers_that_are_not_shown_are_some_of_the_observation() -> None:
+    tip = Box(-1, 1, (2,), np.float32)
+    assert RowLayout(unseen=(0, 9)).sized("arm", 10, tip).unseen == (0, 9)
+    with pytest.raises(TrainingError, match="layout of arm: number 10 is unseen; valid: from 0 to 9"):
+        RowLayout(unseen=(3, 10)).sized("arm", 10, tip)

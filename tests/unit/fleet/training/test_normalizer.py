@@ -50,3 +50,13 @@ def test_what_was_always_the_same_says_nothing_later() -> None:
     told = normal.apply(rows)
     assert (told[:, 1] == 0.0).all()
     assert (told[:, [0, 2]] != 0.0).all()
+
+
+def test_unseen_numbers_are_nothing_whatever_they_are() -> None:
+    normal, seen = Normalizer(3, unseen=[1]), Normalizer(3)
+    rows = np.random.default_rng(0).normal(3.0, 2.0, (100, 3)).astype(np.float32)
+    for one in (normal, seen):
+        one.update(rows)
+    assert (normal.apply(rows)[:, 1] == 0.0).all()
+    assert (normal.apply(rows)[:, [0, 2]] == seen.apply(rows)[:, [0, 2]]).all()
+    assert normal.state() == seen.state()

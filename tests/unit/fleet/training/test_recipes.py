@@ -1,10 +1,15 @@
 """Recipes: numbers that they repeat, so that listing them loads no environment, are those of the environments."""
 
+import math
+
+import numpy as np
 import pytest
 
 from fleet.cli.main import main
 from fleet.envs.dispatch import view
 from fleet.envs.navigate import rows
+from fleet.envs.warehouse.control.hands import N_TIP
+from fleet.envs.warehouse.rows import YAW_AT
 from fleet.training.evaluation import play
 from fleet.training.recipes import RECIPES
 
@@ -51,3 +56,24 @@ def test_cars_of_the_queue_wait_before_a_dock_and_touch_nobody_by_script() -> No
     env.close()
     assert n_waits > 10
     assert touches == 0.0
+
+
+def test_arms_of_serve_meet_parcels_turned_any_way_and_the_script_serves_all_that_come() -> None:
+    recipe = RECIPES["serve"]
+    (kind,), _ = recipe.survey(recipe.arguments)  # agents of all stages are alike
+    assert kind.name == "arm"
+    first, _, third, _ = recipe.environments(recipe.stages[0], recipe.arguments, ())
+    shift, anyhow = recipe.make(**first), recipe.make(**{**third, "fidelity": "kinematic"})
+    turns = []
+    for seed in range(8):
+        observations, _ = anyhow.reset(seed=seed)
+        observations, *_ = anyhow.step({agent: np.zeros(N_TIP + 1) for agent in anyhow.agents})
+        (row,) = (one for one in observations.values() if one[29] < 0.0)  # takes a parcel out of a tray
+        turns.append(math.atan2(row[YAW_AT + 1], row[YAW_AT]))
+    assert max(turns) - min(turns) > math.pi
+    for env, least in ((anyhow, 1.0), (shift, 2.0)):
+        figures = play(env, recipe.scripted(), 0, recipe.figures, recipe.at_end)
+        env.close()
+        assert figures["loaded"] >= least
+        assert figures["delivered"] >= least
+        assert figures["failed"] == 0.0
