@@ -21,6 +21,8 @@ from fleet.tasks.board import Task
 from fleet.tasks.reasons import PAIR_REASONS, PairReason, ReasonBook, TaskReason
 from planners.allocation.problem import Assignment
 
+OTHERS_TOLD = 2
+"""Cars whose costs are told beside that of the one that gets a task."""
 TOLD_IN_TURNS = 6
 """Why a task waits is found out anew in one of so many rounds in which tasks change hands: it seldom changes."""
 
@@ -35,8 +37,8 @@ class Choice:
 
     taken: list[tuple[int, str]]
     """Cars that lose the task they had not picked yet, and why."""
-    given: list[tuple[int, Task]]
-    """Cars and their new tasks."""
+    given: list[tuple[int, Task, str]]
+    """Cars, their new tasks, and why."""
     more: bool = False
     """Whether it goes on: tasks were given out, and there are cars that were not asked."""
 
@@ -118,7 +120,7 @@ class TaskAllocation:
         for car in (column_of >= 0).nonzero()[0].tolist():
             task = costs.tasks[column_of[car]]
             if held.get(car) is not task:
-                given.append((car, task))
+                given.append((car, task, _why_given(costs, car, int(column_of[car]))))
         return Choice(taken=taken, given=given, more=situation is not everybody and bool(given))
 
     def _allocate(
@@ -228,6 +230,15 @@ class TaskAllocation:
         if PairReason.NOT_ASKED in reasons:
             return TaskReason.NO_FREE_CAR, "of the cars that were asked every one has another task"
         return TaskReason.NO_FREE_CAR, "every car that could take it has another task"
+
+
+def _why_given(costs: CostMatrix, car: int, column: int) -> str:
+    """Why a car gets the task of a column, in words: what it costs the car, and the others that it costs least."""
+    cost_s = costs.cost_s[:, column]
+    order = [k for k in np.argsort(cost_s, kind="stable")[: OTHERS_TOLD + 1].tolist() if np.isfinite(cost_s[k])]
+    others = [f"car_{costs.cars[k]} {cost_s[k]:.1f} s" for k in order if costs.cars[k] != car][:OTHERS_TOLD]
+    beside = f" (others: {', '.join(others)})" if others else ""
+    return f"car_{car} was the allocator's choice, its cost is {costs.of_pair(car, column):.1f} s{beside}"
 
 
 def _in_turn(assignment: Assignment) -> Iterable[tuple[int, int]]:

@@ -65,10 +65,10 @@ class Assignments:
             missions.stand_down(car)
         missions.lost_a_car = False
         missions.changed |= choice.more
-        for car, task in choice.given:
-            self._assign(car, task, tick, now_s)
+        for car, task, why in choice.given:
+            self._assign(car, task, why, tick, now_s)
 
-    def _assign(self, car: int, task: Task, tick: int, now_s: float) -> None:
+    def _assign(self, car: int, task: Task, why: str, tick: int, now_s: float) -> None:
         # A visit has to find room where it goes first; a delivery waits its turn.
         if task.visit is not None and not self._visits.book(car, task):
             # Another visit that was given out with it took the only place.
@@ -76,7 +76,7 @@ class Assignments:
             self._reasons.note(task, TaskReason.STATION_FULL, text, now_s)
             self._missions.changed = True
             return
-        self._missions.assign(car, task, now_s)
+        self._missions.assign(car, task, now_s, why)
         self._reasons.forget(task)
         if task.visit is not None:
             self._visits.send(car, task, tick)

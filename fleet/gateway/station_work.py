@@ -146,7 +146,7 @@ class StationWork:
             weight_kg=order.mass_kg,
         )
         run.board.move(task, TaskState.READY, now_s, "the master asked for it")
-        run.missions.assign(self._car, task, now_s)
+        run.missions.assign(self._car, task, now_s, "the master asked for it")
         run.missions.enter(self._car, CarPhase.TO_PICK)
         return task
 

@@ -177,11 +177,11 @@ class Missions:
         if phase not in BOOKED:
             self.leave(car)
 
-    def assign(self, car: int, task: Task, now_s: float) -> None:
-        """Give a task to a car; what the car does first is the caller's to say."""
+    def assign(self, car: int, task: Task, now_s: float, why: str = "") -> None:
+        """Give a task to a car, and say why in words; what the car does first is the caller's to say."""
         task.car = car
         self._hold(car, task)
-        self.board.move(task, TaskState.ASSIGNED, now_s, f"car_{car} was the allocator's choice")
+        self.board.move(task, TaskState.ASSIGNED, now_s, why or f"it was given to car_{car}")
 
     def stow(self, car: int) -> None:
         """Let a car be about nothing, with what it carries aboard; what it does next is the caller's to say."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -65,6 +65,8 @@ _LINES_S = 0.5
 """Between looks at the ways of the cars, at figures, and at where cars stand [s]."""
 _WHY_S = 1.0
 """Between looks at who waits for whom, and why [s]."""
+_LINE_SHOWN = 4
+"""Most cars that are named of those that come to a cell."""
 _COUNTS_S = 4.0
 """Between counts of tasks that have not changed [s]."""
 _CONGESTION_S = 5.0
@@ -167,6 +169,7 @@ class Watch:
         self._parcel_sizes = np.empty((0, 3))
         self._waits: tuple[Wait, ...] = ()
         self._explained = False
+        self._circles: frozenset[frozenset[str]] = frozenset()
         self._counts: dict[str, int] = {}
         self._stood_s = np.zeros((len(CONGESTION), run.graph.n_cells))
 
@@ -308,8 +311,27 @@ class Watch:
         if waiting or self._explained:
             # Of the last tick that was looked at: the present one has not been.
             explainer = Explainer(self._figures.causes.log, codebook, frame.sim_s - run.tick_s)
-            frame.explanations = {names[robot]: str(explainer.explain(robot)) for robot in waiting}
+            explained = {robot: explainer.explain(robot) for robot in waiting}
+            frame.explanations = {names[robot]: f"{why}{self._line(robot)}" for robot, why in explained.items()}
+            self._note_circles(frame, {frozenset(why.cycle): str(why) for why in explained.values() if why.cycle})
         self._explained = bool(waiting)
+
+    def _line(self, robot: int) -> str:
+        """Who comes to the cell that a robot waits for, in order, in words; empty if it waits for none."""
+        cell = int(self._figures.causes.rows[robot, Column.CELL])
+        if cell == NONE:
+            return ""
+        names, line = self._figures.codebook.robots, self._run.executor.dependencies.line(cell)
+        cars = list(dict.fromkeys(names[car] for car, _ in line))
+        more = f" and {len(cars) - _LINE_SHOWN} more" if len(cars) > _LINE_SHOWN else ""
+        return f"; next there: {', '.join(cars[:_LINE_SHOWN])}{more}" if cars else ""
+
+    def _note_circles(self, frame: Frame, circles: Mapping[frozenset[str], str]) -> None:
+        """Put into the log, and so on the time axis, that robots have begun to wait for each other in a circle."""
+        for robots in circles.keys() - self._circles:
+            text = circles[robots]
+            self._recorder.log(LogLine(tick=frame.tick, sim_s=frame.sim_s, text=text, level="WARN"))
+        self._circles = frozenset(circles)
 
     def _wait(self, name: str, row: list[int]) -> Wait:
         """What a robot waits for: a robot, else a place or a cell."""

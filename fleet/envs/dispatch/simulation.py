@@ -33,7 +33,8 @@ class AgentAllocation(TaskAllocation):
         del now_s
         chosen, self.chosen = self.chosen, ()
         legal = [(car, task) for car, task in chosen if situation.standing[car] == CAN_TAKE]
-        return Choice(taken=[], given=[(car, task) for car, task in legal if task.state is TaskState.READY])
+        ready = [(car, task) for car, task in legal if task.state is TaskState.READY]
+        return Choice(taken=[], given=[(car, task, f"an agent chose car_{car}") for car, task in ready])
 
 
 class SimulatedDispatch(SimulatedFleet):

@@ -84,7 +84,7 @@ class Aboard:
                 task.pick = station.name
                 if self._slots.take(task, now_s):
                     missions.stow(car)
-                    missions.assign(car, task, now_s)
+                    missions.assign(car, task, now_s, f"car_{car} is at {station.name} and takes it along")
                     missions.enter(car, CarPhase.TO_PICK)
                     self._log("taken_too", task=task.order.name, car=f"car_{car}", station=station.name)
                     return task

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import pytest
@@ -72,6 +73,19 @@ def test_a_load_is_planned_and_kept_from_its_station_on() -> None:
     assert floor.loads.spoken_for(floor.situation().held) == others
     give_out(floor)
     assert floor.loads.spoken_for(()) == others
+
+
+def test_costs_of_the_choice_and_of_the_next_cars_are_told() -> None:
+    """A friction of the first hour: why this car, and at what cost, was nowhere to be seen."""
+    floor = Floor(orders=[delivery("a")], n_cars=4)
+    floor.ready("a")
+    ((car, _, why),) = floor.allocation.choose(floor.situation(), 0.0).given
+    found = re.fullmatch(
+        rf"car_{car} was the allocator's choice, its cost is (\S+) s \(others: car_\d (\S+) s, car_\d (\S+) s\)", why
+    )
+    assert found is not None, why
+    own, *others = map(float, found.groups())
+    assert own <= others[0] <= others[1]
 
 
 def test_without_tasks_nothing_is_given_out() -> None:

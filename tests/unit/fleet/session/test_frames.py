@@ -7,7 +7,7 @@ import numpy as np
 from fleet.config import ArmConfig, Fidelity, RunConfig
 from fleet.insight.causes import Cause
 from fleet.insight.time_accounts import Account, CarTime
-from fleet.recording import Frame, NullRecorder
+from fleet.recording import Frame, LogLine, NullRecorder
 from fleet.recording.rerun_stream import palette
 from fleet.session.frames import Watch, words_of_arms
 from fleet.simulation import Simulation
@@ -33,6 +33,7 @@ class Frames(NullRecorder):
 
     def __init__(self) -> None:
         self.frames: list[Frame] = []
+        self.lines: list[LogLine] = []
 
     def due(self, tick: int) -> bool:
         """Always."""
@@ -41,6 +42,10 @@ class Frames(NullRecorder):
     def record(self, frame: Frame) -> None:
         """Keep it."""
         self.frames.append(frame)
+
+    def log(self, line: LogLine) -> None:
+        """Keep it."""
+        self.lines.append(line)
 
 
 def test_the_lane_of_a_car_shows_the_account_that_its_time_goes_to() -> None:
@@ -57,6 +62,24 @@ def test_the_lane_of_a_car_shows_the_account_that_its_time_goes_to() -> None:
                 assert kept.frames[-1].car_state == tuple(Account(account).words for account in booked)
                 seen.update(kept.frames[-1].car_state)
     assert {"driving loaded", "driving empty", "served"} <= seen
+
+
+def test_who_is_next_at_a_cell_and_circles_are_told() -> None:
+    """A friction of the first hour: no queue of a cell, and no mark on the time axis where robots wait in a circle."""
+    kept = Frames()
+    config = RunConfig(site="medium", robots=16, tasks=16, fidelity=Fidelity.GRID, arms=ArmConfig(workers_n=0))
+    with Simulation(config) as run:
+        watch = Watch(run.view, run.figures, kept)
+        while run.sim_s < 60.0:
+            run.tick()
+            watch.look()
+        told = [why for frame in kept.frames for why in (frame.explanations or {}).values()]
+        assert any("; next there: car_" in why for why in told)
+        frame = kept.frames[-1]
+        circle = {frozenset({"car_1", "car_2"}): "car_1 waits for car_2 in a circle"}
+        for circles in (circle, circle, {}, circle):
+            watch._note_circles(frame, circles)
+    assert [line.level for line in kept.lines if "in a circle" in line.text] == ["WARN"] * 2
 
 
 def test_a_loaded_car_looks_unlike_an_empty_one() -> None:
