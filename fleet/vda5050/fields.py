@@ -5,12 +5,13 @@ from __future__ import annotations
 import sys
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
-from typing import Any
+from typing import Any, TypeVar
 
 from fleet.vda5050.faults import MessageError
 from maps.reading.shown import shown
 
 Body = Mapping[str, Any]
+Kind = TypeVar("Kind")
 MOST_WHOLE = 2**32 - 1
 """Greatest integer: the standard (sections 6.2 and 6.6 of https://github.com/VDA5050/VDA5050) has uint32."""
 _WHOLE = f"an integer >= 0, at most {MOST_WHOLE}"
@@ -18,10 +19,7 @@ _WHOLE = f"an integer >= 0, at most {MOST_WHOLE}"
 
 def text_of(body: Body, name: str, where: str) -> str:
     """A text; raises `MessageError`, as the others do."""
-    value = _field(body, name, where, "a text")
-    if not isinstance(value, str):
-        raise MessageError(f"{where}.{name} is {shown(value)}; valid: a text")
-    return value
+    return _of_kind(str, body, name, where, "a text")
 
 
 def whole_of(body: Body, name: str, where: str) -> int:
@@ -43,10 +41,7 @@ def number_of(body: Body, name: str, where: str) -> float:
 
 def truth_of(body: Body, name: str, where: str) -> bool:
     """True or false."""
-    value = _field(body, name, where, "true or false")
-    if not isinstance(value, bool):
-        raise MessageError(f"{where}.{name} is {shown(value)}; valid: true or false")
-    return value
+    return _of_kind(bool, body, name, where, "true or false")
 
 
 def instant_of(body: Body, name: str, where: str) -> datetime:
@@ -61,16 +56,21 @@ def instant_of(body: Body, name: str, where: str) -> datetime:
 
 def list_of(body: Body, name: str, where: str) -> Sequence[Any]:
     """A list."""
-    value = _field(body, name, where, "a list")
-    if not isinstance(value, list):
-        raise MessageError(f"{where}.{name} is {shown(value)}; valid: a list")
-    return value
+    return _of_kind(list, body, name, where, "a list")
 
 
 def object_of(value: Any, where: str) -> Body:
     """A value that is an object."""
     if not isinstance(value, dict):
         raise MessageError(f"{where} is {shown(value)}; valid: an object")
+    return value
+
+
+def _of_kind(kind: type[Kind], body: Body, name: str, where: str, valid: str) -> Kind:
+    """A field that is all right whenever it is of its kind."""
+    value = _field(body, name, where, valid)
+    if not isinstance(value, kind):
+        raise MessageError(f"{where}.{name} is {shown(value)}; valid: {valid}")
     return value
 
 
