@@ -23,20 +23,16 @@ def write_whole(path: Path, content: str | bytes) -> None:
         OSError: It cannot be written; names the path, and leaves what was there.
     """
     raw = content.encode() if isinstance(content, str) else content
-    target = path.resolve()
-    draft = target if target.exists() and not target.is_file() else target.with_name(f".{target.name}.part")
     try:
-        with draft.open("wb") as file:
+        if path.exists() and not path.is_file():
+            path.write_bytes(raw)
+            return
+        with draft_of(path) as draft, draft.open("wb") as file:
             file.write(raw)
             file.flush()
-            if draft is not target:
-                os.fsync(file.fileno())
-                draft.replace(target)
+            os.fsync(file.fileno())
     except OSError as error:
         raise OSError(error.errno, error.strerror, str(path)) from error
-    finally:
-        if draft is not target:
-            draft.unlink(missing_ok=True)
 
 
 @contextmanager
