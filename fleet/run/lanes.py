@@ -6,7 +6,7 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from fleet.arrays import BoolArray, IntArray
+from fleet.arrays import BoolArray
 from fleet.config import USUAL_MODEL
 from fleet.errors import ConfigError
 from fleet.robots.cars.models import CarModels
@@ -40,16 +40,14 @@ def lanes_for(site: Site, models: CarModels) -> LaneGraph:
 
 def _require_ways(site: Site, graph: LaneGraph, kind: CarSpec) -> None:
     """Refuse a model that cannot drive between all places where its cars have to come."""
-    part_of = _parts(graph, np.ones(graph.n_states, dtype=np.bool_))
-    largest = int(np.bincount(part_of).argmax())
+    joined = _largest_part(graph, np.ones(graph.n_states, dtype=np.bool_))
     if kind.lifts is None:
         places = [(f"station {station.name}", station.dock.cell) for station in site.stations]
     else:
         places = [(f"the storage place at {site.grid.words(cell)}", cell) for cell in site.storage]
     parking = [(f"the parking place at {site.grid.words(cell)}", cell) for cell in site.parking]
     for name, cell in (*places, *parking):
-        states = graph.states_of_cell(cell)
-        if not (part_of[states] == largest).any():
+        if not joined[graph.states_of_cell(cell)].any():
             length_m, width_m = kind.front_m + kind.rear_m, 2 * kind.half_width_m
             turns = f"in {kind.footprint.turn_radius_m:.2f} m" if kind.steers else "on the spot"
             raise ConfigError(
@@ -63,17 +61,17 @@ def _require_ways_to_pods(site: Site, graph: LaneGraph, kind: CarSpec) -> None:
     """Refuse a site on which the ways to a pod, or from it, lead past where others stand: those are in the way."""
     for cell in site.storage:
         others = np.isin(graph.state_cell, [other for other in site.storage if other != cell])
-        part_of = _parts(graph, ~others)
-        if not (part_of[graph.states_of_cell(cell)] == np.bincount(part_of).argmax()).any():
+        if not _largest_part(graph, ~others)[graph.states_of_cell(cell)].any():
             raise ConfigError(
                 f"model {kind.name}: the storage place at {site.grid.words(cell)} of site {site.name} is behind "
                 "another one, in which a pod stands; valid: storage places beside lanes"
             )
 
 
-def _parts(graph: LaneGraph, usable: BoolArray) -> IntArray:
-    """Number of the part of the lanes that each state is in: ways lead from each state of a part to all of it."""
+def _largest_part(graph: LaneGraph, usable: BoolArray) -> BoolArray:
+    """Which states are in the largest part of the lanes in which ways over usable states lead from each to all."""
     both = usable[graph.move_from] & usable[graph.move_to]
     ends = np.stack((graph.move_from, graph.move_to))[:, both]
     moves = coo_array((np.ones(ends.shape[1], dtype=np.int8), ends), shape=(graph.n_states, graph.n_states))
-    return np.asarray(connected_components(moves, directed=True, connection="strong")[1])
+    part_of = connected_components(moves, directed=True, connection="strong")[1]
+    return np.asarray(part_of == np.bincount(part_of).argmax())

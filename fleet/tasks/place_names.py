@@ -27,7 +27,7 @@ class PlaceNames:
         self._bays = site.bays()
         self._name_of = {cell: name for name, cell in self._bays.items()}
         self._storage = frozenset(site.storage)
-        self._lane_cells = frozenset(site.lanes.ravel().tolist())
+        self._lane_cells = frozenset(site.lanes.ravel().tolist()) - self._storage
 
     def is_bay(self, name: str) -> bool:
         """Whether a place is one to stand at: a dock, a parking place or a charger."""
@@ -68,11 +68,12 @@ class PlaceNames:
         Raises:
             OrdersError: One of the places is none of those.
         """
-        places = tuple(self._place(word, name, words) for word in fields.words(name))
-        wrong = next((word for word, place in zip(fields.words(name), places, strict=True) if place not in valid), None)
-        if wrong is not None:
-            raise OrdersError(f"{name} is {shown(wrong)}; valid: {words}")
-        return places
+        places = []
+        for word in fields.words(name):
+            places.append(self._place(word, name, words))
+            if places[-1] not in valid:
+                raise OrdersError(f"{name} is {shown(word)}; valid: {words}")
+        return tuple(places)
 
     def one(self, fields: Fields, name: str) -> str:
         """The place in a field that must hold one.
@@ -105,7 +106,7 @@ class PlaceNames:
         if at is not None and int(at[1]) < grid.rows and int(at[2]) < grid.cols:
             row, col = int(at[1]), int(at[2])
             cell = row * grid.cols + col
-            if cell in self._lane_cells - self._storage:
+            if cell in self._lane_cells:
                 return self._name(cell)
         raise OrdersError(f"{field} is {shown(word)}; valid: {valid}")
 

@@ -11,7 +11,7 @@ from fleet.arrays import FloatArray, IntArray
 from fleet.robots.twist.pod import LIFT_M, LIFT_S
 
 NO_CAR, NO_POD = -1, -1
-QUARTER_RAD = math.pi / 2
+_QUARTER_RAD = math.pi / 2
 
 
 class PodLifts(Protocol):
@@ -154,7 +154,7 @@ def centred(offset: FloatArray, left: float) -> FloatArray:
 
     Square to the plate it may be by any quarter of a turn.
     """
-    square = round(offset[2] / QUARTER_RAD) * QUARTER_RAD
+    square = round(offset[2] / _QUARTER_RAD) * _QUARTER_RAD
     return np.array([left * offset[0], left * offset[1], square + left * (offset[2] - square)])
 
 
