@@ -22,6 +22,8 @@ class StaticBox:
     """'wall', 'shelf', 'pedestal' under a slot, or 'stand' under an arm."""
     centre_m: tuple[float, float, float]
     half_m: tuple[float, float, float]
+    where: str = ""
+    """The cells that it covers, as messages name them, where a plan has them."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -181,5 +181,10 @@ def _merged_boxes(grid: GridMap, mask: BoolArray, kind: str, height_m: float, ga
         half_x = (x1 - x0 + grid.cell_m) / 2 - gap_m
         half_y = (y0 - y1 + grid.cell_m) / 2 - gap_m
         centre = ((x0 + x1) / 2, (y0 + y1) / 2, height_m / 2)
-        boxes.append(StaticBox(kind=kind, centre_m=centre, half_m=(half_x, half_y, height_m / 2)))
+        where = f"{_span('row', row, end_row)}, {_span('column', col, end_col)}"
+        boxes.append(StaticBox(kind=kind, centre_m=centre, half_m=(half_x, half_y, height_m / 2), where=where))
     return boxes
+
+
+def _span(word: str, first: int, last: int) -> str:
+    return f"{word} {first}" if first == last else f"{word}s {first} to {last}"

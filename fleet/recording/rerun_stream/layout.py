@@ -15,7 +15,7 @@ from fleet.recording.header import DrawnFloor
 from fleet.recording.rerun_stream.bodies import CAR_BODIES
 from fleet.recording.rerun_stream.coordination import CONGESTION, PRIORITIES, WAITS
 from fleet.recording.rerun_stream.lanes import FEW_ROBOTS, STATES, car_paths
-from fleet.recording.rerun_stream.scenery import CAMERA, LABELS, PIXELS_PER_M
+from fleet.recording.rerun_stream.scenery import CAMERA, LABELS, PIXELS_PER_M, RULER
 from fleet.recording.rerun_stream.views import EYE, VIEWS, close_up
 from fleet.world.scene import Scene
 
@@ -54,7 +54,7 @@ def layout(
     few = len(scene.car_start) + len(scene.arm_base) <= FEW_ROBOTS
     # In a small view names would hide the robots.
     names = {} if few else {f"/{CAR_BODIES}": [rr.Mesh3D.from_fields(), rr.Boxes3D.from_fields(show_labels=False)]}
-    hidden = _FLAT if few else (LABELS, *_FLAT)
+    hidden = _FLAT if few else (LABELS, RULER, *_FLAT)
     site = _eye_view(f"Site {floor.name}", *_overview(scene.size_m, 2.0), hidden=hidden, overrides=names)
     above = _from_above("From above", scene, ["/world/**", f"- /{EYE}", f"- /{VIEWS}/**", f"- /{CONGESTION}/**"])
     congestion = _from_above(
@@ -68,7 +68,7 @@ def layout(
         close.append(_at_work(scene))
     for arm, base in enumerate(scene.arm_base[:CLOSE_UPS]):
         name = floor.station_names[arm] if floor.station_names else f"arm_{arm}"
-        close.append(_eye_view(name, *close_up(base), hidden=(LABELS, *_FLAT)))
+        close.append(_eye_view(name, *close_up(base), hidden=(LABELS, RULER, *_FLAT)))
     if cameras and close:
         close += _camera_views(scene, cameras)
     why = rrb.TextDocumentView(origin=f"/{WAITS}", name="Why robots wait")
@@ -161,7 +161,7 @@ def _camera_views(scene: Scene, cameras: Sequence[str]) -> list[rrb.View | rrb.G
         for title, word in (("Cameras", "rgb"), ("Depths", "depth"))
     ]
     eye, target = close_up(scene.arm_base[0])
-    cloud = _eye_view("Points seen", eye, target, hidden=(LABELS, CAMERA, f"{CONGESTION}/**", "world/parcels"))
+    cloud = _eye_view("Points seen", eye, target, hidden=(LABELS, RULER, CAMERA, f"{CONGESTION}/**", "world/parcels"))
     return [*grids, cloud]
 
 
@@ -216,7 +216,7 @@ def _eye_view(
 def _at_work(scene: Scene) -> rrb.Spatial3DView:
     """The arm at work, as the eye before it sees it."""
     shown = tuple(path for path in _FLAT if path != EYE)  # the viewer follows what is in the view only
-    view = _eye_view("At work", *close_up(scene.arm_base[0]), hidden=(LABELS, *shown))
+    view = _eye_view("At work", *close_up(scene.arm_base[0]), hidden=(LABELS, RULER, *shown))
     view.properties["EyeControls3D"] = rrb.EyeControls3D(tracking_entity=f"/{EYE}")
     return view
 

@@ -68,6 +68,7 @@ PARKING = 0x3A4656FF
 DOCK = 0x57534EFF
 LABEL = 0x5B9BD5FF
 """Legible on the dark and on the light names of a viewer."""
+RULER = 0x8A93A3FF
 
 
 RAY, HIT = 0xFB718540, 0xFB7185FF

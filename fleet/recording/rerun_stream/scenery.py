@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import rerun as rr
 
+from fleet.charts.chart import round_step
 from fleet.recording.header import DrawnFloor
 from fleet.recording.rerun_stream import palette
 from fleet.recording.rerun_stream.poses import Part
@@ -13,6 +14,8 @@ from fleet.world.scene import Scene
 
 CAMERA = "world/top"
 LABELS = "world/labels"
+RULER = "world/ruler"
+"""Numbers of rows along the left edge of the floor and of columns along its top, as messages name cells."""
 _LABEL_Z = 0.6
 """Height of a station's name [m]; it stands behind the arm, so that a docked car's name has room."""
 _CAMERA_Z = 400.0
@@ -25,6 +28,8 @@ MANY_CARS = 30
 """Of more cars than this the names would hide the floor: they are shown where somebody points."""
 PIXELS_PER_M = 24.0
 """Resolution of the top-down camera; labels have a fixed size in these pixels."""
+_MOST_NUMBERS = 8
+"""Numbers along an edge of the floor, at most about."""
 _CHEVRON_M = 0.09
 """Half length and half width of a lane's direction mark [m]."""
 
@@ -51,6 +56,8 @@ def log_scenery(rec: rr.RecordingStream, scene: Scene, floor: DrawnFloor) -> Non
                 centers=[box.centre_m for box in boxes],
                 half_sizes=[box.half_m for box in boxes],
                 colors=_colours([palette.BOX_COLOURS.get(kind, palette.BOX_DEFAULT)] * len(boxes)),
+                labels=[f"{kind}: {box.where}" if box.where else kind for box in boxes],
+                show_labels=False,  # where somebody points; all at once would cover the cars
                 fill_mode="solid",
             ),
             static=True,
@@ -63,6 +70,7 @@ def log_scenery(rec: rr.RecordingStream, scene: Scene, floor: DrawnFloor) -> Non
             rr.LineStrips3D(_chevrons(floor.lanes), colors=_colours([palette.LANE]), radii=0.018),
             static=True,
         )
+    _log_ruler(rec, floor.cell_xy)
     if floor.station_names:
         away = floor.station_xy - floor.dock_xy
         away /= np.maximum(np.linalg.norm(away, axis=1, keepdims=True), 1e-9)
@@ -150,6 +158,27 @@ def _log_plates(rec: rr.RecordingStream, path: str, xy: np.ndarray, colour: int)
             half_sizes=[(0.42, 0.42, 0.008)] * len(xy),
             colors=_colours([colour] * len(xy)),
             fill_mode="solid",
+        ),
+        static=True,
+    )
+
+
+def _log_ruler(rec: rr.RecordingStream, cell_xy: np.ndarray) -> None:
+    """Number rows and columns at round numbers, in the outermost cells: beyond them stand names of stations."""
+    if not len(cell_xy):
+        return
+    x, y = np.unique(cell_xy[:, 0]), np.unique(cell_xy[:, 1])[::-1]  # rows count from the top
+    rows, columns = (range(0, n, max(1, int(round_step(n, _MOST_NUMBERS)))) for n in (len(y), len(x)))
+    left = np.column_stack([np.full(len(rows), x[0]), y[rows]])
+    top = np.column_stack([x[columns], np.full(len(columns), y[0])])
+    rec.log(
+        RULER,
+        rr.Points3D(
+            _at_height(np.concatenate([left, top]), 0.0),
+            labels=[str(number) for number in (*rows, *columns)],
+            colors=_colours([palette.RULER]),
+            radii=0.01,
+            show_labels=True,
         ),
         static=True,
     )
