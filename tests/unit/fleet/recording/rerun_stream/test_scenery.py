@@ -20,8 +20,8 @@ class Drawn:
     def __init__(self) -> None:
         self.things: dict[str, rr.AsComponents] = {}
 
-    def log(self, path: str, thing: rr.AsComponents, *, static: bool) -> None:
-        """Keep a thing."""
+    def log(self, path: str, thing: rr.AsComponents, *_: rr.AsComponents, static: bool) -> None:
+        """Keep a thing, the first of several."""
         self.things[path] = thing
 
     def labels(self, path: str) -> list[str]:
