@@ -20,6 +20,12 @@ BOUNDS_DIR = build/bounds
 # Further words for the command, such as ARGS="--site small --robots 8".
 ARGS =
 
+# Tells of every twentieth package that pip comes to, and when it has fetched all of them: minutes pass, also where no bar can be drawn.
+PIP_PROGRESS = { n=0; while IFS= read -r line; do case "$$line" in \
+  Collecting*) n=$$((n + 1)); if [ $$((n % 20)) -eq 0 ]; then echo "$$n packages looked up and fetched so far, of about 110"; fi;; \
+  "Installing collected packages"*) echo "All fetched; unpacking them takes a minute or two.";; \
+  esac; done; }
+
 .PHONY: help setup demo test test-long test-all test-rules test-bounds test-stacks test-interop notebooks zoo check format bench docs hooks hooks-check clean
 
 help: ## List the targets.
@@ -29,7 +35,7 @@ setup: $(STAMP) ## Create .venv and install the project with all its extras.
 
 # Kernels that were kept by an older source are thrown away: some cannot be read after a rename.
 $(STAMP): pyproject.toml
-	@set -e; \
+	@set -e -o pipefail; \
 	python="$(PYTHON)"; \
 	if [ -z "$$python" ]; then \
 	  for name in python3 python3.11; do \
@@ -48,10 +54,11 @@ $(STAMP): pyproject.toml
 	  echo "make: $$python cannot create virtual environments: its venv module is missing (Debian, Ubuntu: apt-get install python3.11-venv)." >&2; \
 	  exit 1; \
 	fi; \
-	echo "Setting up $(VENV) with $$("$$python" --version); the first time takes a few minutes: about 700 MB to fetch, 2 GB on the disk, and pip is silent meanwhile."; \
+	echo "Setting up $(VENV) with $$("$$python" --version); the first time takes a few minutes: about 700 MB to fetch, 2 GB on the disk."; \
 	if ! $(BIN)/python -c '' >/dev/null 2>&1; then "$$python" -m venv --clear $(VENV); fi; \
 	find fleet maps planners -name "*.nb[ic]" -delete; \
-	$(BIN)/python -m pip install --quiet --quiet --disable-pip-version-check --editable '.[dev,interop,mcap,notebook,open_floor,rmf,ros,vda5050]'; \
+	$(BIN)/python -m pip install --progress-bar off --disable-pip-version-check --editable '.[dev,interop,mcap,notebook,open-floor,rmf,ros,vda5050]' \
+	  2> >(grep -v '^WARNING: ' >&2) | $(PIP_PROGRESS); \
 	echo "Compiling the kernels once, about half a minute."; \
 	out=$$(mktemp -d); \
 	$(BIN)/python -m fleet.demo --site cell --robots 1 --tasks 1 --duration 8 --out "$$out" >/dev/null; \
