@@ -49,6 +49,7 @@ class RerunRecorder:
         port: Port of a live server on 127.0.0.1; None = no server.
 
     Raises:
+        OutputError: There is no room on the disk.
         RecordingError: The file cannot be opened, or the port is taken.
     """
 
@@ -81,6 +82,7 @@ class RerunRecorder:
                 pass
             self._stream: Stream = Stream(path, header, port)
         except (OSError, RuntimeError, ValueError) as error:
+            require_room(path.parent)  # else a full disk is told in rerun's words, without the cure
             raise RecordingError(f"recording {path} cannot be opened: {error}") from error
         self._watchdog = threading.Thread(target=self._write_late, name="recorder", daemon=True)
         self._watchdog.start()
@@ -178,6 +180,15 @@ class RerunRecorder:
             self._wake.clear()
             if woken or time.perf_counter() >= self._due_s:
                 self._write()
+
+
+def require_rerun() -> None:
+    """Load rerun, before a run has files.
+
+    Raises:
+        ModuleNotFoundError: It is not installed.
+    """
+    import rerun  # noqa: F401
 
 
 def require_free_port(port: int) -> None:

@@ -29,6 +29,7 @@ EVENTS = "run.jsonl"
 RESULT = "result.json"
 VIOLATION = "violation.json"
 DECISIONS = "decisions.json"
+_FILES = (RECORDING, EVENTS, TRACE, RESULT, DECISIONS, VIOLATION)
 _FIGURES = "the figures of a run as one JSON object"
 _PACKAGES = (
     "pybullet",
@@ -122,7 +123,7 @@ def prepare_output(directory: Path) -> Path:
                 path.rmdir()
         reason = error.strerror or str(error)
         raise OutputError(f"--out {directory}: {reason}; valid: a directory that can be written") from error
-    old = [directory / name for name in (RECORDING, EVENTS, TRACE, RESULT, DECISIONS, VIOLATION)]
+    old = [directory / name for name in _FILES]
     for path in old:
         if path.is_dir():
             raise OutputError(f"--out {directory}: {path.name} is a directory; valid: a file, or nothing there")
@@ -132,6 +133,12 @@ def prepare_output(directory: Path) -> Path:
     except OSError as error:
         raise OutputError(f"--out {directory}: the file of an earlier run cannot be replaced: {error}") from error
     return directory
+
+
+def discard_output(directory: Path) -> None:
+    """Remove the files of a run that could not begin."""
+    for name in _FILES:
+        (directory / name).unlink(missing_ok=True)
 
 
 class RunFile(OutputFile):

@@ -23,8 +23,10 @@ from fleet.recording import (
     NullRecorder,
     Recorder,
     RunFile,
+    discard_output,
     prepare_output,
     require_free_port,
+    require_rerun,
     versions,
 )
 from fleet.run.events import Event
@@ -132,6 +134,8 @@ def run_session(config: RunConfig, session: SessionConfig, make: MakeSimulation 
     with ExitStack() as stack:
         events: list[Event] = []
         simulation = stack.enter_context(make(config, on_event=events.append))
+        if session.record:
+            require_rerun()
         if session.serve:
             require_free_port(session.port)
         # From here on there are files: an interrupt ends the run, and the files are finished.
@@ -140,7 +144,12 @@ def run_session(config: RunConfig, session: SessionConfig, make: MakeSimulation 
         run_file = stack.enter_context(RunFile(session.out, config=config, seed=config.seed))
         # Before the recorder, which takes a second to open: a run that is killed meanwhile has both files.
         tracer = stack.enter_context(Tracer(simulation.view, session.out, run_file.name))
-        recorder = stack.enter_context(_recorder(simulation.view, session))
+        try:
+            recorder = stack.enter_context(_recorder(simulation.view, session))
+        except FleetError:
+            stack.close()
+            discard_output(session.out)
+            raise
         progress = stack.enter_context(Progress(simulation.view, shown=session.progress))
         if session.serve:
             uri = f"rerun+http://127.0.0.1:{session.port}/proxy"
