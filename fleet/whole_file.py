@@ -22,34 +22,36 @@ def write_whole(path: Path, content: str | bytes) -> None:
     Raises:
         OSError: It cannot be written; names the path, and leaves what was there.
     """
-    raw = content.encode() if isinstance(content, str) else content
-    try:
-        if path.exists() and not path.is_file():
-            path.write_bytes(raw)
-            return
-        with draft_of(path) as draft, draft.open("wb") as file:
-            file.write(raw)
-            file.flush()
-            os.fsync(file.fileno())
-    except OSError as error:
-        raise OSError(error.errno, error.strerror, str(path)) from error
+    with draft_of(path) as draft:
+        draft.write_bytes(content.encode() if isinstance(content, str) else content)
 
 
 @contextmanager
 def draft_of(path: Path) -> Iterator[Path]:
     """A file to write beside another one, whose place it takes in one step at the end if nothing was raised.
 
+    What is no file, such as a device, is its own draft.
+
     Args:
         path: The file that it becomes; a link is followed.
 
     Raises:
-        OSError: It cannot take the place; what was there is left.
+        OSError: It cannot be written, or not take the place; names the path, and leaves what was there.
     """
+    if path.exists() and not path.is_file():
+        yield path
+        return
     target = path.resolve()
     draft = target.with_name(f".{target.name}.part")
     try:
         yield draft
+        with draft.open("rb+") as file:
+            os.fsync(file.fileno())
         draft.replace(target)
+    except OSError as error:
+        if error.filename in (None, str(draft)):
+            raise OSError(error.errno, error.strerror, str(path)) from error
+        raise
     finally:
         draft.unlink(missing_ok=True)
 

@@ -8,6 +8,8 @@ from html import escape
 from itertools import chain, pairwise
 from pathlib import Path
 
+from fleet.whole_file import draft_of, write_whole
+
 Spot = tuple[float, float]
 """x to the right and y down from the upper left corner [px]."""
 
@@ -109,7 +111,7 @@ class Drawing:
 
     def write(self, folder: Path, name: str) -> None:
         """Write ``NAME.svg`` and ``NAME.png`` into a folder."""
-        (folder / f"{name}.svg").write_text(self.svg() + "\n", encoding="utf-8")
+        write_whole(folder / f"{name}.svg", self.svg() + "\n")
         self.write_png(folder / f"{name}.png")
 
     def write_png(self, path: Path) -> None:
@@ -137,7 +139,8 @@ class Drawing:
                 bold = zoom // 3 if mark.bold else 0
                 spot = _zoomed([mark.at], zoom)[0]
                 pen.text(spot, mark.text, fill=mark.color, font=font, anchor=anchor, stroke_width=bold // 2)
-        image.resize((self.width * SCALE, self.height * SCALE), Image.Resampling.LANCZOS).save(path, format="PNG")
+        with draft_of(path) as draft:
+            image.resize((self.width * SCALE, self.height * SCALE), Image.Resampling.LANCZOS).save(draft, format="PNG")
 
 
 def _still(mark: Mark) -> Sequence[Line | Area | Dot | Box | Words]:

@@ -17,7 +17,7 @@ from fleet.cli.run_output import plain_console
 from fleet.config import require
 from fleet.terminal.interrupts import interrupts
 from fleet.terminal.progress_bar import Bar
-from fleet.whole_file import write_whole
+from fleet.whole_file import draft_of, write_whole
 
 if TYPE_CHECKING:
     from fleet.league.arena import Arena
@@ -86,7 +86,8 @@ class Lorr:
             )
         with interrupts():
             if self.output is not None:
-                write_result(self.output, played.result)
+                with draft_of(self.output) as draft:
+                    write_result(draft, played.result)
             summary = self._summary(problem, played)
             if self.json is not None:
                 write_whole(self.json, json.dumps(summary, indent=2) + "\n")

@@ -16,6 +16,7 @@ from rich.progress_bar import ProgressBar
 from fleet.cli.run_output import figure_table, plain_console
 from fleet.config import require
 from fleet.config.member_settings import member_settings
+from fleet.whole_file import draft_of
 from planners.mapf import ONE_SHOT_PLANNERS, planner_named
 
 if TYPE_CHECKING:
@@ -116,7 +117,8 @@ class PlanCommand:
             elapsed_s = time.perf_counter() - begin
         wrong = breaches(instance, decision)
         cells = np.stack(grid.row_col(graph.state_cell[decision.states]), axis=-1)
-        write_paths(self.output, cells)
+        with draft_of(self.output) as draft:
+            write_paths(draft, cells)
         verdict = f"{wrong[0].kind} conflict at timestep {wrong[0].timestep}" if wrong else "legal"
         console.print(figure_table(_figures(instance, decision, tables, elapsed_s, verdict)))
         solved = bool((decision.states[-1] == instance.goals).all())

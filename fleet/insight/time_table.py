@@ -14,6 +14,7 @@ import numpy as np
 from fleet.errors import FleetError
 from fleet.insight.codebook import Codebook
 from fleet.insight.time_accounts import Account, Ticks, TimeAccounts
+from fleet.whole_file import draft_of
 
 Columns = dict[str, list[Any]]
 """A table by columns of equal length."""
@@ -84,7 +85,7 @@ def time_columns(result: Mapping[str, Any]) -> Columns:
 
 def write_csv(path: Path, columns: Columns) -> None:
     """Write a table with a line of names first."""
-    with path.open("w", newline="", encoding="utf-8") as file:
+    with draft_of(path) as draft, draft.open("w", newline="", encoding="utf-8") as file:
         lines = csv.writer(file)
         lines.writerow(columns)
         lines.writerows(zip(*columns.values(), strict=True))

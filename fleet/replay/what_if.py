@@ -22,6 +22,7 @@ from fleet.replay.again import Recorded, compare, repeat
 from fleet.report.difference import Difference, difference
 from fleet.report.loaded_run import load_run
 from fleet.session import SessionConfig, run_session
+from fleet.whole_file import write_whole
 
 RECORDED, WHAT_IF = "recorded", "what_if"
 """Folders of the two runs."""
@@ -127,7 +128,7 @@ def run_what_if(
     found = difference(as_it_was, other)
     figures = {RECORDED: as_it_was.record.result or {}, WHAT_IF: other.record.result or {}}
     told = {"run": recorded.run.directory, "at_s": at_s, "settings": found.settings, "first_difference": found.first}
-    (out / RESULT).write_text(json.dumps(plain(told | figures), indent=2) + "\n", encoding="utf-8")
+    write_whole(out / RESULT, json.dumps(plain(told | figures), indent=2) + "\n")
     if record:
         write_side_by_side(
             [beside.out / RECORDING, session.out / RECORDING],

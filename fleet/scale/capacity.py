@@ -21,6 +21,7 @@ from fleet.recording.run_file import plain
 from fleet.scale.cell import WARM_UP_S, CellFigures, run_cell
 from fleet.scale.floors import n_drop_stations
 from fleet.stations.service_time import PRIOR_MEAN_S
+from fleet.whole_file import write_whole
 
 JSON_FILE = "capacity.json"
 FIGURES: Mapping[str, str] = {
@@ -254,6 +255,6 @@ def write_capacity(out: Path, cells: Sequence[CapacityCell], plots: Mapping[str,
     out.mkdir(parents=True, exist_ok=True)
     machine = {"processor": platform.processor() or platform.machine(), "cores": len(os.sched_getaffinity(0))}
     whole = {"machine": machine, "minutes": minutes, "cells": plain(cells)}
-    (out / JSON_FILE).write_text(json.dumps(whole, indent=2) + "\n", encoding="utf-8")
+    write_whole(out / JSON_FILE, json.dumps(whole, indent=2) + "\n")
     for name, plot in plots.items():
         plot.write(out, name)

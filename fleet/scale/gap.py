@@ -18,6 +18,7 @@ from fleet.scale.gap_run import GapDesign, GapRow, measure_run
 from fleet.study.pool import run_each
 from fleet.tasks.order import ability_of
 from fleet.tasks.order_file import read_orders
+from fleet.whole_file import draft_of, write_whole
 from maps.site import load_site
 
 CSV_FILE, JSON_FILE, PLOT = "gap.csv", "gap.json", "gap"
@@ -183,10 +184,10 @@ def write_gap(out: Path, design: GapDesign, rows: Sequence[GapRow], gaps: Sequen
     """
     out.mkdir(parents=True, exist_ok=True)
     names = [field.name for field in fields(GapRow) if field.name != "arrivals_s"]
-    with (out / CSV_FILE).open("w", newline="", encoding="utf-8") as file:
+    with draft_of(out / CSV_FILE) as draft, draft.open("w", newline="", encoding="utf-8") as file:
         table = csv.writer(file)
         table.writerow(names)
         table.writerows(["" if (cell := getattr(row, name)) is None else str(cell) for name in names] for row in rows)
     whole = {"design": plain(design), "reference": design.reference.value, "gaps": plain(gaps), "runs": plain(rows)}
-    (out / JSON_FILE).write_text(json.dumps(whole, indent=2) + "\n", encoding="utf-8")
+    write_whole(out / JSON_FILE, json.dumps(whole, indent=2) + "\n")
     plot.write(out, PLOT)

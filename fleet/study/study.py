@@ -17,6 +17,7 @@ from fleet.study.pool import run_all
 from fleet.study.table import CSV_FILE, Row, TableFile, read_rows
 from fleet.tasks.order import ability_of
 from fleet.tasks.order_file import read_orders
+from fleet.whole_file import write_whole
 from maps.reading.text_file import read_json
 from maps.site import load_site
 from planners.allocation import allocator_named
@@ -81,7 +82,7 @@ def run_study(
         BrokenRunError: Runs were lost again and again.
     """
     table = _table(design, out, resume)
-    (out / SETTINGS).write_text(json.dumps(plain(design), indent=2) + "\n", encoding="utf-8")
+    write_whole(out / SETTINGS, json.dumps(plain(design), indent=2) + "\n")
     done = {row.variant for row in table.rows}
     missing = [variant for variant in design.variants if variant not in done]
     try:

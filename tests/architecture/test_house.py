@@ -56,13 +56,24 @@ def test_a_public_class_has_a_name_of_its_own(repository: Path) -> None:
     assert {name: len(where) for name, where in sorted(homes.items()) if len(where) > 1} == {}
 
 
-def test_what_commands_write_is_whole(repository: Path) -> None:
+WRITES_BESIDE = (
+    "fleet/evaluation/dataset/writing.py",
+    "fleet/whole_file.py",
+    "fleet/world/bullet/bench/arm_file.py",
+    "fleet/world/bullet/engine/client.py",
+)
+"""Modules whose files are drafts themselves, or gone again at once."""
+
+
+def test_what_is_written_is_whole(repository: Path) -> None:
     """Bad input of the first hour: on a full disk a command left an empty file with the name that was asked for."""
+    modules = {str(path.relative_to(repository)): path for path in sorted((repository / "fleet").rglob("*.py"))}
+    assert set(WRITES_BESIDE) < set(modules)
     found = [
-        f"{path.relative_to(repository)}:{node.lineno}"
-        for path in sorted((repository / "fleet" / "cli").rglob("*.py"))
+        f"{name}:{node.lineno}"
+        for name, path in modules.items()
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
-        if isinstance(node, ast.Attribute) and node.attr in ("write_text", "write_bytes")
+        if isinstance(node, ast.Attribute) and node.attr in ("write_text", "write_bytes") and name not in WRITES_BESIDE
     ]
     assert found == [], "fleet.whole_file.write_whole leaves a whole file or none"
 

@@ -28,13 +28,14 @@ def test_without_rerun_an_earlier_run_stays(tmp_path: Path, monkeypatch: pytest.
 
 
 def test_a_disk_that_fills_at_the_start_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Bad input of the first hour: a full disk was told in rerun's words, without the cure, and three files were left."""
+    """Bad input of the first hour: a full disk was told in the words of rerun, without a cure, and files were left."""
 
     def full(*_: object) -> None:
         monkeypatch.setattr(output_file, "LEAST_FREE_BYTES", 10**18)
         raise RuntimeError("Failed to encode LogMsg: No space left on device (os error 28)")
 
     monkeypatch.setattr(Stream, "__init__", full)
-    with pytest.raises(OutputError, match=r"MB are free on its disk; valid: at least .* or another directory \(--out\)$"):
+    told = r"MB are free on its disk; valid: at least .* or another directory \(--out\)$"
+    with pytest.raises(OutputError, match=told):
         run_session(CONFIG, session(tmp_path / "out", record=True))
     assert list((tmp_path / "out").iterdir()) == []

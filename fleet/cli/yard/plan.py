@@ -12,6 +12,7 @@ import tyro
 
 from fleet.cli.run_output import figure_table, plain_console
 from fleet.config import require
+from fleet.whole_file import draft_of
 
 if TYPE_CHECKING:
     import numpy as np
@@ -71,7 +72,8 @@ class YardPlan:
         console.print(figure_table(_figures(plan, elapsed_s, verdict)))
         if not arrived:
             return NOT_SOLVED
-        write_schedule(self.output, given.names[:n], _steps(plan), clockwise=not self.counter_clockwise)
+        with draft_of(self.output) as draft:
+            write_schedule(draft, given.names[:n], _steps(plan), clockwise=not self.counter_clockwise)
         console.print(f"{self.output}: the schedule", soft_wrap=True)
         return NOT_SOLVED if wrong else SOLVED
 
