@@ -69,6 +69,8 @@ class Why:
         _say(f"at {time_s:.2f} s: {found}")
         if found.release:
             _say(f"what would release it: {found.release}")
+        if found.orders:
+            _say(f"orders: {found.orders}")
 
     def _order(self, events: Sequence[Mapping[str, Any]], log: CauseLog, codebook: Codebook, time_s: float) -> None:
         from fleet.insight.explain import explain

@@ -47,6 +47,15 @@ class Explanation:
             return f"one of {', '.join(self.cycle)} has to give way"
         return release(self.chain) if self.chain[0].cause not in NO_WAIT else ""
 
+    @property
+    def orders(self) -> str:
+        """The orders that the robots of the chain work on, each with those; empty if there are none."""
+        robots: dict[str, list[str]] = {}
+        for link in self.chain:
+            if link.task and link.cause not in WITHOUT_TASK:
+                robots.setdefault(link.task, []).append(link.robot)
+        return ", ".join(f"{order} ({', '.join(names)})" for order, names in robots.items())
+
     def __str__(self) -> str:
         first = self.chain[0]
         lasts_s = self.time_s - first.since_s

@@ -312,7 +312,10 @@ class Watch:
             # Of the last tick that was looked at: the present one has not been.
             explainer = Explainer(self._figures.causes.log, codebook, frame.sim_s - run.tick_s)
             explained = {robot: explainer.explain(robot) for robot in waiting}
-            frame.explanations = {names[robot]: f"{why}{self._line(robot)}" for robot, why in explained.items()}
+            frame.explanations = {
+                names[robot]: f"{why}{self._line(robot)}{f'; {why.orders}' if why.orders else ''}"
+                for robot, why in explained.items()
+            }
             self._note_circles(frame, {frozenset(why.cycle): str(why) for why in explained.values() if why.cycle})
         self._explained = bool(waiting)
 

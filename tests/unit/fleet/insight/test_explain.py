@@ -63,6 +63,18 @@ def test_the_chain_leads_to_the_root_with_the_time_it_needs() -> None:
     assert found.release == "arm_0 has to end its transfer, which takes 6.1 s"
 
 
+def test_the_orders_of_a_chain_are_told() -> None:
+    """A friction of the first hour: nothing led from a wait to the task that it holds up."""
+    held = rows(
+        car_2={"cause": Cause.CELL, "by": 0, "cell": 7, "task": 8},
+        car_0={"cause": Cause.SERVED, "by": 3, "place": 0, "until": 99, "task": 5},
+        arm_0={"cause": Cause.WORKS, "place": 0, "until": 99, "task": 5},
+        car_1={"cause": Cause.NO_TASK, "task": 7, "detail": DETAIL_OF["waits_for_its_car"]},
+    )
+    told = {robot: explain(log_of((0, held)), LEGEND_OF_THREE, robot, 5.0).orders for robot in ("car_2", "car_1")}
+    assert told == {"car_2": "order_8 (car_2), order_5 (car_0, arm_0)", "car_1": ""}
+
+
 def test_waiting_for_one_thing_after_another_is_one_wait() -> None:
     turn = rows(car_2={"cause": Cause.TURN, "by": 1, "cell": 3})
     log = log_of((0, rows()), (20, turn), (50, queue(until=161)), (120, rows()))

@@ -1,5 +1,6 @@
 """Words of a recording are those of the time accounts."""
 
+import re
 from dataclasses import fields
 
 import numpy as np
@@ -75,6 +76,8 @@ def test_who_is_next_at_a_cell_and_circles_are_told() -> None:
             watch.look()
         told = [why for frame in kept.frames for why in (frame.explanations or {}).values()]
         assert any("; next there: car_" in why for why in told)
+        # A friction, too: nothing led from a wait to its task.
+        assert any(re.search(r"; order_\d+ \(car_\d+", why) for why in told)
         frame = kept.frames[-1]
         circle = {frozenset({"car_1", "car_2"}): "car_1 waits for car_2 in a circle"}
         for circles in (circle, circle, {}, circle):
