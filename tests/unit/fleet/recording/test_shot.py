@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import pytest
 
 from fleet.recording import Header, RecordingError, RerunRecorder
+from fleet.recording.rerun_cli import rerun_program
 from fleet.recording.shot import _settled, parse_size, screenshot
 from fleet.recording.viewer import TooSlow, patiently, require_moment
 from tests.unit.fleet.recording.conftest import made_up_frames, made_up_scene
@@ -46,6 +47,13 @@ def test_a_viewer_that_ends_after_it_has_answered_has_no_graphics_driver() -> No
         process.wait()
         with pytest.raises(RecordingError, match=r"no graphics driver found; .*mesa-vulkan-drivers"):
             patiently(process, ask)
+
+
+def test_the_viewer_is_started_itself() -> None:
+    """A friction of the first hour: the launcher was killed, and the viewer that it had started went on."""
+    launcher = Path(sys.executable).with_name("rerun")
+    assert launcher.read_bytes()[:2] == b"#!"
+    assert rerun_program().read_bytes()[:2] != b"#!"
 
 
 @pytest.mark.parametrize(
