@@ -82,7 +82,8 @@ class RerunRecorder:
                 pass
             self._stream: Stream = Stream(path, header, port)
         except (OSError, RuntimeError, ValueError) as error:
-            require_room(path.parent)  # else a full disk is told in rerun's words, without the cure
+            if path.parent.is_dir():
+                require_room(path.parent)  # else a full disk is told in rerun's words, without the cure
             raise RecordingError(f"recording {path} cannot be opened: {error}") from error
         self._watchdog = threading.Thread(target=self._write_late, name="recorder", daemon=True)
         self._watchdog.start()
