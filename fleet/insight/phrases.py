@@ -149,7 +149,7 @@ def _free(link: Link) -> str:
 
 _REASONS: dict[Cause, Phrase] = {
     Cause.DRIVES: lambda link: "it is driving",
-    Cause.SETS_OFF: lambda link: "nothing keeps it, though it stands",
+    Cause.SETS_OFF: lambda link: "it has what it needs, and is about to go on",
     Cause.CELL: lambda link: f"cell {link.cell} is granted to {link.by}",
     Cause.TURN: lambda link: f"in cell {link.cell} its turn comes after {link.by}",
     Cause.CLOSED: lambda link: f"dock {link.place or link.cell} is closed by {link.by}",
@@ -177,7 +177,7 @@ _REASONS: dict[Cause, Phrase] = {
 }
 _PREDICATES: dict[Cause, Phrase] = {
     Cause.DRIVES: lambda link: f"is driving{f' to {link.place}' if link.place else ''}",
-    Cause.SETS_OFF: lambda link: "stands, though nothing keeps it",
+    Cause.SETS_OFF: lambda link: "has what it needs, and is about to go on",
     Cause.CELL: lambda link: f"waits for cell {link.cell}, granted to {link.by}",
     Cause.TURN: lambda link: f"waits for its turn in cell {link.cell} after {link.by}",
     Cause.CLOSED: lambda link: f"waits for dock {link.place or link.cell}, closed by {link.by}",
