@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable
 
 from benchmarks.harness import Row, Trial, grouped
 from benchmarks.mapf.crowded import measure_crowded
-from benchmarks.mapf.floors import measure_floors
+from benchmarks.mapf.floors import measure_floors, measure_floors_anytime
 from benchmarks.mapf.frozen import measure_frozen
 from benchmarks.mapf.lanes import measure_lanes
 from benchmarks.mapf.league import measure_league, measure_league_anytime
@@ -27,6 +27,7 @@ GROUPS: dict[str, Callable[[Trial], Iterable[Row]]] = {
     "league": measure_league,
     "league_anytime": measure_league_anytime,
     "floors": measure_floors,
+    "floors_anytime": measure_floors_anytime,
     "frozen": measure_frozen,
     "lanes": measure_lanes,
     "pogema": measure_pogema,

@@ -10,7 +10,7 @@ from pathlib import Path
 from benchmarks.harness import Kind, Row, Trial
 from benchmarks.mapf.drawn import draw_problem
 from benchmarks.mapf.instances import find
-from benchmarks.mapf.league import QUICK_STEPS, STARTUP, Figure, figure_rows, play_problem
+from benchmarks.mapf.league import ANYTIME_MS, QUICK_STEPS, STARTUP, Figure, figure_rows, play_problem
 
 SETTLED = 600
 """Timesteps after which the start is over: robots begin empty and scattered."""
@@ -67,6 +67,11 @@ FLOORS = (
         targets={"settled": ">= 800", "step_ms_mean": "<= 25"},
     ),
 )
+ANYTIME = (
+    Floor(problem="WAREHOUSE", steps=2000, budget_ms=ANYTIME_MS, targets={"settled": ">= 5900"}),
+    Floor(problem="brc202d_500", steps=2000, budget_ms=ANYTIME_MS, robots=6500, targets={"settled": ">= 850"}),
+)
+"""Those that may take a second for each timestep; half an hour each."""
 FIGURES: tuple[Figure, ...] = (
     ("tasks_finished", "tasks finished", "", Kind.PLAIN),
     ("settled", f"tasks per 200 steps after step {SETTLED}", "", Kind.PLAIN),
@@ -81,8 +86,20 @@ FIGURES: tuple[Figure, ...] = (
 
 
 def measure_floors(trial: Trial) -> Iterable[Row]:
-    """Every floor; drawn ones once for each seed."""
-    for floor in FLOORS:
+    """Every floor, in steps of some milliseconds; drawn ones once for each seed."""
+    return _measure(trial, FLOORS)
+
+
+def measure_floors_anytime(trial: Trial) -> Iterable[Row]:
+    """The same, up to 1 s per step; left out with --quick."""
+    if trial.quick:
+        trial.notes.append("floors that keep flowing, anytime mode: left out with --quick")
+        return ()
+    return _measure(trial, ANYTIME)
+
+
+def _measure(trial: Trial, floors: Sequence[Floor]) -> Iterable[Row]:
+    for floor in floors:
         steps = QUICK_STEPS if trial.quick else floor.steps
         published = find(trial, f"lorr2024/{floor.problem}.json", what=f"{floor.problem}, {steps} steps")
         if published is None:
