@@ -16,7 +16,7 @@ import planners as planners  # finds a place for compiled kernels before anythin
 
 # General names: a file of the user's, or another project, may be found first.
 for _other in (maps, planners):
-    _found = os.path.realpath((_other.__file__ or [*_other.__path__][0]))
+    _found = os.path.realpath(_other.__file__ or next(iter(_other.__path__)))
     _ours = os.path.join(os.path.dirname(os.path.dirname(os.path.realpath(__file__))), _other.__name__)
     if os.path.dirname(_found) != _ours:
         sys.stderr.write(

@@ -32,7 +32,7 @@ class CheckedAllocator:
         """Allocate.
 
         Raises:
-            AllocationFault: There is no answer but an error, or it is no `Assignment`, or not a legal one.
+            AllocationFault: There is no answer, or it is no `Assignment`, or not a legal one.
         """
         try:
             found = self._allocator.allocate(problem)

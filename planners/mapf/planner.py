@@ -75,7 +75,7 @@ class CheckedPlanner:
         """Plan.
 
         Raises:
-            PlanFault: There is no answer but an error, or it is no `Plan`, or its states are not those of this instance.
+            PlanFault: There is no answer, or it is no `Plan`, or its states are not those of this instance.
         """
         valid = f"valid: a Plan with states (T + 1, {instance.n_agents})"
         try:

@@ -191,13 +191,16 @@ def test_an_error_in_a_class_of_one_s_own_is_one_line_that_names_its_line() -> N
     source = Path(own_members.__file__)
     at = {line.strip(): n for n, line in enumerate(source.read_text(encoding="utf-8").splitlines(), start=1)}
     line = next(n for text, n in at.items() if text.startswith("return np.concatenate"))
-    with pytest.raises(PlanFault, match=rf"^planner '{OWN}.BrokenPlanner': ValueError: .+ \(.+, line {line}\); valid: a"):
+    with pytest.raises(
+        PlanFault, match=rf"^planner '{OWN}.BrokenPlanner': ValueError: .+ \(.+, line {line}\); valid: a"
+    ):
         planner_named(f"{OWN}.BrokenPlanner").plan(instance())
     with pytest.raises(AllocationFault) as refused:
         allocator_named(f"{OWN}.BrokenAllocator").allocate(AllocationProblem(cost=np.ones((1, 1))))
     line = at['return {}["pairs"]']
     assert str(refused.value) == (
-        f"allocator '{OWN}.BrokenAllocator': KeyError: 'pairs' ({source}, line {line}); valid: an Assignment without faults"
+        f"allocator '{OWN}.BrokenAllocator': KeyError: 'pairs' ({source}, line {line}); "
+        "valid: an Assignment without faults"
     )
     # From Python the whole way there is told, too.
     assert isinstance(refused.value.__cause__, KeyError)
