@@ -6,6 +6,7 @@ import ast
 import builtins
 import json
 import re
+import tomllib
 
 import pytest
 import yaml
@@ -92,6 +93,21 @@ def test_files_that_blocks_name_are_in_the_repository() -> None:
     made = " ".join(re.findall(r"--(?:out|output|json) (\S+)", run))
     printed = {name.rpartition("/")[2] for name in given}
     assert [name for name in sorted(named - given - printed) if name not in made] == []
+
+
+def test_runs_to_compare_are_made_on_their_page() -> None:
+    """A friction of the first hour: `fleet diff runs/a runs/b`, and no block that makes the two."""
+    text = "\n".join(block.text for block in read_blocks("docs/guide/compare.md"))
+    pairs = re.findall(r"fleet diff (\S+) (\S+)", text)
+    assert pairs
+    assert {run for pair in pairs for run in pair} - set(re.findall(r"--out (\S+)", text)) == set()
+
+
+def test_the_package_names_the_address_that_the_project_has() -> None:
+    """A friction of the first hour: a package without an address. There is none yet; it will be in both files."""
+    package = tomllib.loads((REPOSITORY / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    citation = yaml.safe_load((REPOSITORY / "CITATION.cff").read_text(encoding="utf-8"))
+    assert package.get("urls", {}).get("Repository") == citation.get("repository-code")
 
 
 def test_disk_and_network_are_told_before_they_are_taken() -> None:
