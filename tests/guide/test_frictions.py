@@ -252,6 +252,7 @@ def test_general_names_of_the_wheel_are_told_where_it_is_installed() -> None:
         ),
         ("what `tables` are was told nowhere", "docs/guide/own_planner.md", "`tables` has the distance of every state"),
         ("`.frame()` without pandas", "docs/guide/report.md", "is a data frame and needs pandas"),
+        ("a program compiled in silence", "docs/guide/troubleshooting.md", "`with compilation_told(sys.stderr):`"),
         ("nothing told how long a first run takes", "docs/guide/troubleshooting.md", "The first run takes a minute"),
         ("1.5 GB of a wheel, told nowhere", "docs/guide/install.md", "| the wheel and what it needs | 1.5 GB |"),
         ("`rewards=` was a guess: the keyword is `weights=`", "docs/guide/own_environment.md", "weights=weights"),
