@@ -289,7 +289,7 @@ def test_the_tour_shows_a_picture_where_nothing_is_run() -> None:
         ("physics", "04_arms", "pybullet"),
         ("why", "06_debugging", "fleet why car_3"),
         ("report", "06_debugging", "fleet report"),
-        ("training", "05_training", "PPO"),
+        ("training", "05_training", "from fleet.training"),
         ("a site of one's own", "01_tour", "site_from_plan(drawn"),
         ("a planner of one's own", "02_planners", "class OneAtATime"),
     ],
