@@ -123,8 +123,9 @@ def render(path: Path, out: Path) -> Path:
 
     notebook = execute(path)
     notebook.metadata["title"] = _title(notebook, path.stem)
-    exporter = HTMLExporter(extra_loaders=[DictLoader({"page.html.j2": _PAGE})], template_file="page.html.j2")
-    page, _ = exporter.from_notebook_node(notebook)
+    page_of = DictLoader({"page.html.j2": _PAGE})
+    exporter = HTMLExporter(extra_loaders=[page_of], template_file="page.html.j2", embed_images=True)
+    page, _ = exporter.from_notebook_node(notebook, resources={"metadata": {"path": str(path.parent)}})
     target = out / f"{path.stem}.html"
     try:
         out.mkdir(parents=True, exist_ok=True)

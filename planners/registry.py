@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import inspect
+import sys
 import traceback
 from collections.abc import Iterator, Mapping
 from dataclasses import is_dataclass
@@ -96,11 +97,7 @@ class Family(Mapping[str, type[T]]):
         except (ImportError, AttributeError, ValueError) as error:
             raise MemberError(f"{wrong}: {error}; valid: {self.valid}") from error
         except Exception as error:
-            at = traceback.extract_tb(error.__traceback__)[-1]
-            place = f"{at.filename}, line {at.lineno}"
-            raise MemberError(
-                f"{wrong}: {type(error).__name__}: {error} ({place}); valid: a module that can be imported"
-            ) from error
+            raise MemberError(f"{wrong}: {told(error)}; valid: a module that can be imported") from error
         if not (isinstance(found, type) and callable(getattr(found, self._method.partition("(")[0], None))):
             raise MemberError(f"{wrong}, which is no class with {self._method}; valid: {self.valid}")
         return found
@@ -116,6 +113,14 @@ class Family(Mapping[str, type[T]]):
         for setting, value, valid in misfits(config, settings):
             raise SettingError(f"setting {setting!r} {whose} is {value!r}; valid: {valid}")
         return config(**settings)
+
+
+def told(error: Exception, module: str = "") -> str:
+    """One line of an error in somebody's module: its kind, its words, and the last place in that module on its way."""
+    way = traceback.extract_tb(error.__traceback__)
+    theirs = getattr(sys.modules.get(module), "__file__", None)
+    at = next((frame for frame in reversed(way) if frame.filename == theirs), way[-1])
+    return f"{type(error).__name__}: {error} ({at.filename}, line {at.lineno})"
 
 
 def config_type(kind: type) -> type[Any] | None:

@@ -7,6 +7,7 @@ import numpy as np
 from planners.allocation.problem import AllocationProblem, Allocator, Assignment
 from planners.allocation.validate import faults
 from planners.errors import PlanningError
+from planners.registry import told
 
 
 class AllocationFault(PlanningError):
@@ -31,9 +32,15 @@ class CheckedAllocator:
         """Allocate.
 
         Raises:
-            AllocationFault: The answer is no `Assignment`, or not a legal one.
+            AllocationFault: There is no answer, or it is no `Assignment`, or not a legal one.
         """
-        found = self._allocator.allocate(problem)
+        try:
+            found = self._allocator.allocate(problem)
+        except PlanningError:
+            raise
+        except Exception as error:
+            what = told(error, type(self._allocator).__module__)
+            raise AllocationFault(f"allocator {self._name!r}: {what}; valid: an Assignment without faults") from error
         if wrong := _wrong(problem, found):
             raise AllocationFault(f"allocator {self._name!r}: its answer {wrong}; valid: an Assignment without faults")
         return found

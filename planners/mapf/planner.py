@@ -11,6 +11,7 @@ from planners.deadline import Deadline
 from planners.errors import PlanningError
 from planners.mapf.distance_table import DistanceTable
 from planners.mapf.problem import Instance, Plan
+from planners.registry import told
 from planners.status import Status
 
 
@@ -74,13 +75,18 @@ class CheckedPlanner:
         """Plan.
 
         Raises:
-            PlanFault: The answer is no `Plan`, or its states are not those of this instance.
+            PlanFault: There is no answer, or it is no `Plan`, or its states are not those of this instance.
         """
-        plan = self.planner.plan(instance, tables, deadline)
+        valid = f"valid: a Plan with states (T + 1, {instance.n_agents})"
+        try:
+            plan = self.planner.plan(instance, tables, deadline)
+        except PlanningError:
+            raise
+        except Exception as error:
+            what = told(error, type(self.planner).__module__)
+            raise PlanFault(f"planner {self._name!r}: {what}; {valid}") from error
         if wrong := _wrong(instance, plan):
-            raise PlanFault(
-                f"planner {self._name!r}: its answer {wrong}; valid: a Plan with states (T + 1, {instance.n_agents})"
-            )
+            raise PlanFault(f"planner {self._name!r}: its answer {wrong}; {valid}")
         return plan
 
 

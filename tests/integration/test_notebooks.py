@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from PIL import Image
 
 pytest.importorskip("nbconvert", reason="needs the extra 'notebook': pip install '.[notebook]'")
 nbformat = pytest.importorskip("nbformat", reason="needs the extra 'notebook': pip install '.[notebook]'")
@@ -24,7 +25,8 @@ each_notebook = pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path
 def notebook_of(folder: Path, *sources: str) -> Path:
     """A notebook with these cells."""
     cells = [nbformat.v4.new_code_cell(source) for source in sources]
-    cells.append(nbformat.v4.new_markdown_cell("# What is six times seven?"))
+    cells.append(nbformat.v4.new_markdown_cell("# What is six times seven?\n\n![a picture](made.png)"))
+    Image.new("RGB", (2, 2)).save(folder / "made.png")
     nbformat.write(nbformat.v4.new_notebook(cells=cells), folder / "made.ipynb")
     return folder / "made.ipynb"
 
@@ -64,6 +66,7 @@ def test_a_page_has_what_cells_show(tmp_path: Path) -> None:
     assert "<pre>42\n</pre>" in text
     assert 'fill="#123456"' in text.split("<pre>42")[1]
     assert "<title>What is six times seven?</title>" in text
+    assert 'src="data:image/png;base64,' in text
     assert "<script" not in text
 
 

@@ -76,6 +76,20 @@ class ArrayPlanner(ListPlanner):
         return Plan(states=self.states, status=self.status, iterations=0)
 
 
+class BrokenPlanner(ListPlanner):
+    """Fails, and not in a line of its own."""
+
+    def plan(self, instance: Instance, *others: Any) -> Any:
+        return np.linalg.inv(instance.starts)
+
+
+class BrokenAllocator:
+    """Fails."""
+
+    def allocate(self, problem: AllocationProblem) -> Any:
+        return {}["pairs"]
+
+
 class DictAllocator:
     """Answers with a dictionary."""
 

@@ -150,3 +150,25 @@ def test_a_user_who_can_write_neither_source_nor_home_can_load_every_kernel(
     assert (loaded.returncode, loaded.stdout) == (0, f"{folder} {folder}\n"), loaded.stderr
     assert loaded.stderr.count("\n") == 1
     assert stat.S_IMODE(folder.stat().st_mode) == 0o700
+
+
+@pytest.mark.parametrize(("name", "file"), [("planners", "planners.py"), ("maps", "maps/__init__.py")])
+def test_a_package_of_somebody_else_with_our_name_is_told_in_one_line(
+    name: str, file: str, tmp_path: Path, repository: Path
+) -> None:
+    """A friction of the first hour: `maps` and `planners` are general names, and whose came first was a guess."""
+    theirs = tmp_path / file
+    theirs.parent.mkdir(exist_ok=True)
+    theirs.touch()
+    done = subprocess.run(
+        [sys.executable, "-m", "fleet", "site", "list"],
+        cwd=tmp_path,
+        env=os.environ | {"PYTHONPATH": str(repository)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode, done.stdout, done.stderr.count("\n")) == (2, "", 1)
+    assert done.stderr.startswith(
+        f"fleet: the package {name!r} is somebody else's: {theirs}; valid: that of {repository}"
+    )

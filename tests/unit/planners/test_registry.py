@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import re
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -183,6 +184,26 @@ def test_an_answer_that_is_no_plan_is_one_named_error(
     monkeypatch.setattr(own_members.ArrayPlanner, "states", states)
     with pytest.raises(PlanFault, match=re.escape(f"planner '{OWN}.ArrayPlanner': its answer {wrong}")):
         planner_named(f"{OWN}.ArrayPlanner").plan(instance())
+
+
+def test_an_error_in_a_class_of_one_s_own_is_one_line_that_names_its_line() -> None:
+    """A friction of the first hour: a mistake in an allocator of one's own was a traceback through the fleet."""
+    source = Path(own_members.__file__)
+    at = {line.strip(): n for n, line in enumerate(source.read_text(encoding="utf-8").splitlines(), start=1)}
+    line = next(n for text, n in at.items() if text.startswith("return np.linalg.inv"))
+    with pytest.raises(
+        PlanFault, match=rf"^planner '{OWN}.BrokenPlanner': LinAlgError: .+ \(.+, line {line}\); valid: a"
+    ):
+        planner_named(f"{OWN}.BrokenPlanner").plan(instance())
+    with pytest.raises(AllocationFault) as refused:
+        allocator_named(f"{OWN}.BrokenAllocator").allocate(AllocationProblem(cost=np.ones((1, 1))))
+    line = at['return {}["pairs"]']
+    assert str(refused.value) == (
+        f"allocator '{OWN}.BrokenAllocator': KeyError: 'pairs' ({source}, line {line}); "
+        "valid: an Assignment without faults"
+    )
+    # From Python the whole way there is told, too.
+    assert isinstance(refused.value.__cause__, KeyError)
 
 
 def test_an_answer_of_another_type_is_one_named_error(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -68,7 +68,9 @@ def test_a_viewer_is_not_opened_unasked(
 ) -> None:
     """A friction of the first hour: a hint at a viewer beside the interpreter, where there was none."""
     monkeypatch.setenv("DISPLAY", ":7")
-    assert "look at it with" in show(tmp_path, capsys)
+    said = show(tmp_path, capsys)
+    assert f"look at it with: {run_output.own_words()} view {tmp_path / 'recording.rrd'}" in said
+    assert "bin/rerun" not in said
     assert opened == []
 
 
