@@ -33,6 +33,8 @@ _PAGE = """{% extends 'lab/index.html.j2' %}
 """The page of JupyterLab without scripts from elsewhere: no notebook has formulas, widgets or diagrams in Mermaid."""
 _WRITABLE = "a directory that can be written and has room on its disk"
 _COLOUR = re.compile(r"\x1b\[[0-9;]*m")
+_PICTURE_ABOVE = re.compile(r"(!\[[^\]]*\]\()\.\./")
+"""A picture of a folder beside that of the notebooks; a page takes in only those that lie below the folder it is given."""
 
 
 class NotebookError(Exception):
@@ -125,7 +127,10 @@ def render(path: Path, out: Path) -> Path:
     notebook.metadata["title"] = _title(notebook, path.stem)
     page_of = DictLoader({"page.html.j2": _PAGE})
     exporter = HTMLExporter(extra_loaders=[page_of], template_file="page.html.j2", embed_images=True)
-    page, _ = exporter.from_notebook_node(notebook, resources={"metadata": {"path": str(path.parent)}})
+    for cell in notebook.cells:
+        if cell.cell_type == "markdown":
+            cell.source = _PICTURE_ABOVE.sub(r"\1", cell.source)
+    page, _ = exporter.from_notebook_node(notebook, resources={"metadata": {"path": str(path.resolve().parents[1])}})
     target = out / f"{path.stem}.html"
     try:
         out.mkdir(parents=True, exist_ok=True)

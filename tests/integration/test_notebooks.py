@@ -25,10 +25,12 @@ each_notebook = pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path
 def notebook_of(folder: Path, *sources: str) -> Path:
     """A notebook with these cells."""
     cells = [nbformat.v4.new_code_cell(source) for source in sources]
-    cells.append(nbformat.v4.new_markdown_cell("# What is six times seven?\n\n![a picture](made.png)"))
-    Image.new("RGB", (2, 2)).save(folder / "made.png")
-    nbformat.write(nbformat.v4.new_notebook(cells=cells), folder / "made.ipynb")
-    return folder / "made.ipynb"
+    cells.append(nbformat.v4.new_markdown_cell("# What is six times seven?\n\n![a picture](../images/made.png)"))
+    for name in ("images", "notebooks"):
+        (folder / name).mkdir(exist_ok=True)
+    Image.new("RGB", (2, 2)).save(folder / "images" / "made.png")
+    nbformat.write(nbformat.v4.new_notebook(cells=cells), folder / "notebooks" / "made.ipynb")
+    return folder / "notebooks" / "made.ipynb"
 
 
 def test_there_are_notebooks_on_every_subject() -> None:
