@@ -185,9 +185,9 @@ TRANSFER = Recipe(
     ),
 )
 
-_TURNS = (6, 13, *range(49, 53), 62)
-"""Of an arm's observation, where its wrist is turned to and how fast, yaws of parcel and place, and the last turn: a
-parcel may be set turned any way, and nothing of this says where to."""
+_UNSEEN = (6, 13, *range(32, 37), *range(49, 53), 55, 57, 58, 62)
+"""Of an arm's observation, where its wrist is turned to and how fast, the nearest car, yaws of parcel and place, times,
+and the last turn: nothing of this says where to, and all of it is other beside cars than alone."""
 _ANYHOW = {"start": {"parcel_m": 0.04, "parcel_rad": math.pi, "side_m": 0.035, "turn_rad": 0.09}}
 _SHIFT = {"level": "all", "n_cars": 0, "classical_cars": 2, "tasks": 4, "max_cycles": 500}
 SERVE = Recipe(
@@ -195,20 +195,20 @@ SERVE = Recipe(
     make=_warehouse,
     scripted=_classical,
     script=TRANSFER.script,
+    teacher=_classical,
     figures=(*TRANSFER.figures, "contact"),
     at_end={"deliveries": n_deliveries, **TRANSFER.at_end},
-    layouts={"arm": RowLayout(unseen=_TURNS)},
-    n_steps=120_000,
-    ppo=replace(TRANSFER.ppo, clone_n=0, learning_rate=5e-4),
-    # Who is paid for nothing while it waits wanders off: waiting is to stand.
+    layouts={"arm": RowLayout(unseen=_UNSEEN)},
+    n_steps=540_000,
+    # How to wait is paid by nothing: what was cloned about it is kept by the anchor. An arm that wanders comes to the
+    # other side of its base, from where the way to the next parcel ends at a joint's limit.
+    ppo=replace(TRANSFER.ppo, clone_n=80_000, anchor=0.03),
     arguments={**TRANSFER.arguments, "site": "cell", "weights": {**TRANSFER.arguments["weights"], "effort": -0.15}},
     stages=(
-        # Alone, arms found one parcel at a time, and were served at once. Here another one stands beside it, which in
-        # physics may be knocked off its slot.
-        TrainingStage(
-            name="one after the other",
-            mix=(_SHIFT, {**_SHIFT, **_PHYSICS}, {**_ANYHOW, **_PHYSICS}, {**_SHIFT, **_PHYSICS}),
-        ),
+        # Waiting is cloned, too: an arm that never had to does something else.
+        TrainingStage(name="without physics", mix=(_ANYHOW, {}, _SHIFT), longest=0.6),
+        # In physics, what stands beside a parcel may be knocked off its slot.
+        TrainingStage(name="slippery", mix=(_SHIFT, {**_SHIFT, **_PHYSICS}, {**_ANYHOW, **_PHYSICS}, _ANYHOW)),
     ),
 )
 
