@@ -202,7 +202,7 @@ SERVE = Recipe(
     # other side of its base, from where the way to the next parcel ends at a joint's limit.
     ppo=replace(TRANSFER.ppo, clone_n=80_000, anchor=0.03),
     arguments={**TRANSFER.arguments, "site": "cell", "weights": {**TRANSFER.arguments["weights"], "effort": -0.15}},
-    # Waiting is cloned, too: an arm that never had to does something else. None is in physics, and it holds there.
+    # Waiting is cloned, too: an arm that never had to does something else.
     stages=(TrainingStage(name="beside cars", mix=(_ANYHOW, {}, _SHIFT)),),
 )
 
