@@ -206,6 +206,17 @@ SERVE = Recipe(
     stages=(TrainingStage(name="beside cars", mix=(_ANYHOW, {}, _SHIFT)),),
 )
 
+# Without physics nothing stops an arm, nor pays for how high it comes to a tray: some come too low to a car.
+SERVE_PHYSICS = replace(
+    SERVE,
+    summary="arms that serve go on in physics, where cars are in their way",
+    n_steps=40_960,
+    ppo=replace(SERVE.ppo, clone_n=0, learning_rate=3e-4),
+    stages=(
+        TrainingStage(name="slippery", mix=({**_SHIFT, **_PHYSICS}, {**_ANYHOW, **_PHYSICS}, {**_SHIFT, **_PHYSICS})),
+    ),
+)
+
 CELL = Recipe(
     summary="cars and arms deliver together on a small site",
     make=_warehouse,
