@@ -225,6 +225,22 @@ def test_a_car_is_braked_where_its_grant_ends_and_backs_off_as_it_is_told(make: 
     assert granted_m(-1.0, 5, grants_hold=True) == granted_m(-1.0, 5) > 0.3
 
 
+@pytest.mark.parametrize("grants_hold", [False, True])
+def test_a_car_that_is_served_stands_where_grants_hold(make: Callable[..., WarehouseEnv], grants_hold: bool) -> None:
+    start = {"cars": "docked", "side_m": 0.0, "turn_rad": 0.0}
+    env = make(level="pair", start=start, grants_hold=grants_hold, stop_m=0.3)
+    env.reset(seed=1)
+    stood = None
+    while stood is None or len(stood) < 15:
+        observations = env.step({"car_0": np.array([0.5, -0.5 if stood else 0.0])})[0]
+        served = observations["car_0"][11] + observations["car_0"][13] > 0.0
+        if served:
+            stood = [*(stood or []), env.simulation.world.car_poses()[0].copy()]
+        assert stood is None or served
+    gone_m = math.hypot(*(stood[-1] - stood[0])[:2])
+    assert gone_m == 0.0 if grants_hold else gone_m > 0.1
+
+
 def test_a_car_in_the_dead_band_brakes(make: Callable[..., WarehouseEnv]) -> None:
     env = make(level="dock", dead_band=0.2, start={"near_m": (3.0, 3.0)})
     env.reset(seed=0)

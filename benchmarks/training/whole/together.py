@@ -1,8 +1,8 @@
 """Together: cars and arms that were trained apart play `cell`, in physics, and no classical controller drives them.
 
-Cars brake where their grants end, whatever their policy says (`grants_hold`). The policies are those of
-`runs/learning/<recipe>/<seed>`; `queue` starts from `dock`, and `serve` from `transfer`, seed by seed. Where no arm was
-trained the arms' script plays, and the row has no target.
+Cars brake where their grants end, and stand while they are served, whatever their policy says (`grants_hold`). The
+policies are those of `runs/learning/<recipe>/<seed>`; `serve_physics` starts from `serve`, seed by seed. Where no
+arm was trained the arms' script plays, and the row has no target.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from fleet.training.evaluation import Score, evaluate
 from fleet.training.recipes import RECIPES
 from fleet.training.results import CHECKPOINT, EVALUATION
 
-CARS, ARMS = "queue", "serve"
+CARS, ARMS = "queue", "serve_physics"
 """Recipes of the policies."""
 FIRST_SEED, N_EPISODES, N_QUICK_EPISODES = 810_000, 20, 1
 """Of the episodes of each seed of the training, on which nothing was trained."""

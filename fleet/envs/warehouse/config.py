@@ -94,7 +94,7 @@ class WarehouseConfig(RecordedEnvConfig):
     without it; else as fast as motors and tyres can. Cars that turn on the spot always do, in speed and yaw rate."""
     grants_hold: bool = False
     """Whether cars brake where what they were granted ends, whatever they are told, as in a fleet (`fleet.play`): they
-    get 3 cm beyond it. Back they drive as they are told."""
+    get 3 cm beyond it. Back they drive as they are told. While they are served they stand."""
     residual: float = 0.3
     """Weight of residual actions."""
     pace: float | None = None

@@ -6,7 +6,7 @@ from fleet.training.recipes.navigate import CAR, NAVIGATE
 from fleet.training.recipes.reach import REACH
 from fleet.training.recipes.recipe import Recipe, TrainingStage
 from fleet.training.recipes.traffic import TRAFFIC
-from fleet.training.recipes.warehouse import APPROACH, CELL, DOCK, QUEUE, RESIDUAL, SERVE, TRANSFER
+from fleet.training.recipes.warehouse import APPROACH, CELL, DOCK, QUEUE, RESIDUAL, SERVE, SERVE_PHYSICS, TRANSFER
 
 __all__ = ["RECIPES", "Recipe", "TrainingStage"]
 
@@ -22,6 +22,7 @@ RECIPES: dict[str, Recipe] = {
     "queue": QUEUE,
     "transfer": TRANSFER,
     "serve": SERVE,
+    "serve_physics": SERVE_PHYSICS,
     "cell": CELL,
     "residual": RESIDUAL,
     "handover": HANDOVER,

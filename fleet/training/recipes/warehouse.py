@@ -118,39 +118,6 @@ APPROACH = replace(
     ),
 )
 
-_ALONE = {"level": "dock", "n_cars": 1}
-_NEAR = {**_ALONE, "start": {"near_m": (0.05, 1.5), "side_m": 0.2, "turn_rad": 0.6}}
-_IN_TURN = {"n_cars": 3, "max_cycles": 300}
-QUEUE = Recipe(
-    summary="cars come to docks one after the other, and each waits for its turn",
-    make=_warehouse,
-    scripted=_classical,
-    script="pure pursuit, and a stop at its end",
-    figures=("docked", "contact", "failed"),
-    at_end={"deliveries": n_deliveries},
-    n_steps=160_000,
-    ppo=replace(DOCK.ppo, discount=0.99, entropy=0.0),
-    # Arms are the classical fleet's. What is docked counts as one.
-    arguments={
-        "level": "all",
-        "site": "cell",
-        "n_cars": 2,
-        "n_arms": 0,
-        "ramp": True,
-        "grants_hold": True,
-        "weights": {"docked": 1.0, "contact": -1.0, "time": -0.02},
-    },
-    stages=(
-        # A car that learned alone was always granted all of its way, and never began near its stop. Where nothing holds
-        # it, it meets what comes of driving on where its grant ends.
-        TrainingStage(
-            name="in turn",
-            arguments={"grants_hold": False},
-            mix=(_NEAR, _IN_TURN, _NEAR, _ALONE, _IN_TURN, {"max_cycles": 600}),
-        ),
-    ),
-)
-
 CLONED_FIRST = PpoConfig(
     envs_n=16,
     horizon_n=128,
@@ -161,6 +128,37 @@ CLONED_FIRST = PpoConfig(
     clone_n=300_000,
 )
 """Where arms lead their tips: from scratch they do not find out how to set a parcel."""
+
+_ALONE = {"level": "dock", "n_cars": 1}
+_NEAR = {**_ALONE, "start": {"near_m": (0.05, 1.5), "side_m": 0.2, "turn_rad": 0.6}}
+_IN_TURN = {"n_cars": 3, "max_cycles": 300}
+_NOT_OF_THE_WAY = (*range(4), *range(6, 11), 12, 14, *range(27, 55), *range(58, 61))
+"""Of a car's observation, where on the floor it is and where its goal is, what it has aboard, other cars, arms and
+times: its route and its stop pose say where to go, and grants when."""
+QUEUE = Recipe(
+    summary="cars come to docks one after the other, and each waits for its turn",
+    make=_warehouse,
+    scripted=_classical,
+    script="pure pursuit, and a stop at its end",
+    teacher=_classical,
+    figures=("docked", "contact", "failed"),
+    at_end={"deliveries": n_deliveries},
+    layouts={"car": RowLayout(unseen=_NOT_OF_THE_WAY)},
+    n_steps=240_000,
+    ppo=replace(CLONED_FIRST, hidden=(128, 128), clone_n=80_000, anchor=0.03),
+    # Arms are the classical fleet's. What is docked counts as one.
+    arguments={
+        "level": "all",
+        "site": "cell",
+        "n_cars": 2,
+        "n_arms": 0,
+        "ramp": True,
+        "grants_hold": True,
+        "weights": {"docked": 1.0, "contact": -1.0, "time": -0.02},
+    },
+    stages=(TrainingStage(name="in turn", mix=(_NEAR, _IN_TURN, _ALONE, {"max_cycles": 600})),),
+)
+
 TRANSFER = Recipe(
     summary="arms pick parcels and set them, between racks and cars that stand",
     make=_warehouse,
@@ -185,9 +183,9 @@ TRANSFER = Recipe(
     ),
 )
 
-_TURNS = (6, 13, *range(49, 53), 62)
-"""Of an arm's observation, where its wrist is turned to and how fast, yaws of parcel and place, and the last turn: a
-parcel may be set turned any way, and nothing of this says where to."""
+_UNSEEN = (6, 13, *range(32, 37), *range(49, 53), 55, 57, 58, 62)
+"""Of an arm's observation, where its wrist is turned to and how fast, the nearest car, yaws of parcel and place, times,
+and the last turn: nothing of this says where to, and all of it is other beside cars than alone."""
 _ANYHOW = {"start": {"parcel_m": 0.04, "parcel_rad": math.pi, "side_m": 0.035, "turn_rad": 0.09}}
 _SHIFT = {"level": "all", "n_cars": 0, "classical_cars": 2, "tasks": 4, "max_cycles": 500}
 SERVE = Recipe(
@@ -195,20 +193,27 @@ SERVE = Recipe(
     make=_warehouse,
     scripted=_classical,
     script=TRANSFER.script,
+    teacher=_classical,
     figures=(*TRANSFER.figures, "contact"),
     at_end={"deliveries": n_deliveries, **TRANSFER.at_end},
-    layouts={"arm": RowLayout(unseen=_TURNS)},
-    n_steps=120_000,
-    ppo=replace(TRANSFER.ppo, clone_n=0, learning_rate=5e-4),
-    # Who is paid for nothing while it waits wanders off: waiting is to stand.
+    layouts={"arm": RowLayout(unseen=_UNSEEN)},
+    n_steps=360_000,
+    # How to wait is paid by nothing: what was cloned about it is kept by the anchor. An arm that wanders comes to the
+    # other side of its base, from where the way to the next parcel ends at a joint's limit.
+    ppo=replace(TRANSFER.ppo, clone_n=80_000, anchor=0.03),
     arguments={**TRANSFER.arguments, "site": "cell", "weights": {**TRANSFER.arguments["weights"], "effort": -0.15}},
+    # Waiting is cloned, too: an arm that never had to does something else.
+    stages=(TrainingStage(name="beside cars", mix=(_ANYHOW, {}, _SHIFT)),),
+)
+
+# Without physics nothing stops an arm, nor pays for how high it comes to a tray: some come too low to a car.
+SERVE_PHYSICS = replace(
+    SERVE,
+    summary="arms that serve go on in physics, where cars are in their way",
+    n_steps=40_960,
+    ppo=replace(SERVE.ppo, clone_n=0, learning_rate=3e-4),
     stages=(
-        # Alone, arms found one parcel at a time, and were served at once. Here another one stands beside it, which in
-        # physics may be knocked off its slot.
-        TrainingStage(
-            name="one after the other",
-            mix=(_SHIFT, {**_SHIFT, **_PHYSICS}, {**_ANYHOW, **_PHYSICS}, {**_SHIFT, **_PHYSICS}),
-        ),
+        TrainingStage(name="slippery", mix=({**_SHIFT, **_PHYSICS}, {**_ANYHOW, **_PHYSICS}, {**_SHIFT, **_PHYSICS})),
     ),
 )
 

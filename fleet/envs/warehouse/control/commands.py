@@ -19,7 +19,7 @@ from fleet.envs.warehouse.rows import NEAR_M, Rows
 from fleet.envs.warehouse.run.agent_simulation import AgentSimulation
 from fleet.simulation import Actions
 
-_GRANTED = 15  # entry of a car's observation
+_GRANTED, _LOADS, _UNLOADS = 15, 11, 13  # entries of a car's observation
 RESIDUAL_RAD = 0.2
 """Joints are moved away from the classical plan by up to the residual's share of this [rad]."""
 BEYOND_M, BRAKES_MPS2 = 0.03, 1.0
@@ -47,7 +47,7 @@ class ActionModel:
     ramp: bool
     """Whether all cars approach told speeds within their limits of acceleration, or those that do not steer only."""
     grants_hold: bool
-    """Whether cars brake where what they were granted ends."""
+    """Whether cars brake where what they were granted ends, and stand while they are served."""
 
 
 class Commands:
@@ -102,6 +102,8 @@ class Commands:
             left_m = car_rows[:, _GRANTED].astype(np.float64) * NEAR_M
             on_mps = np.sqrt(2.0 * BRAKES_MPS2 * np.maximum(0.0, left_m + BEYOND_M))
             self._cars[:, 1] = np.minimum(self._cars[:, 1], on_mps)
+            # Who is served was granted nothing: it need not drive to the end of its grant below the arm.
+            self._cars[(car_rows[:, _LOADS] > 0.0) | (car_rows[:, _UNLOADS] > 0.0)] = 0.0
         self._arms = actions.arms
         if self.plans is not None:
             for arm, pace in enumerate(actions.arms[:, -1].tolist()):

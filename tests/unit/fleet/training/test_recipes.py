@@ -9,7 +9,7 @@ from fleet.cli.main import main
 from fleet.envs.dispatch import view
 from fleet.envs.navigate import rows
 from fleet.envs.warehouse.control.hands import N_TIP
-from fleet.envs.warehouse.rows import YAW_AT
+from fleet.envs.warehouse.rows import N_CAR_NUMBERS, NEIGHBOURS_AT, STOP_AT, YAW_AT
 from fleet.training.evaluation import play
 from fleet.training.recipes import RECIPES
 
@@ -62,8 +62,8 @@ def test_arms_of_serve_meet_parcels_turned_any_way_and_the_script_serves_all_tha
     recipe = RECIPES["serve"]
     (kind,), _ = recipe.survey(recipe.arguments)  # agents of all stages are alike
     assert kind.name == "arm"
-    first, _, third, _ = recipe.environments(recipe.stages[0], recipe.arguments, ())
-    shift, anyhow = recipe.make(**first), recipe.make(**{**third, "fidelity": "kinematic"})
+    first, _, third = recipe.environments(recipe.stages[0], recipe.arguments, ())
+    anyhow, shift = recipe.make(**first), recipe.make(**third)
     turns = []
     for seed in range(8):
         observations, _ = anyhow.reset(seed=seed)
@@ -77,3 +77,31 @@ def test_arms_of_serve_meet_parcels_turned_any_way_and_the_script_serves_all_tha
         assert figures["loaded"] >= least
         assert figures["delivered"] >= least
         assert figures["failed"] == 0.0
+
+
+def test_arms_of_serve_are_shown_all_that_the_script_looks_at() -> None:
+    recipe = RECIPES["serve"]
+    unseen = list(recipe.layouts["arm"].unseen)
+    env = recipe.make(**{**recipe.arguments, "max_cycles": 100})
+    script, rng = recipe.scripted(), np.random.default_rng(0)
+    observations, _ = env.reset(seed=3)
+    n_compared = 0
+    while env.agents:
+        actions = script.act(env, observations)
+        dimmed = {agent: row.copy() for agent, row in observations.items()}
+        for row in dimmed.values():
+            row[unseen] = rng.uniform(-1.0, 1.0, len(unseen))
+        for agent, action in script.act(env, dimmed).items():
+            np.testing.assert_array_equal(action, actions[agent])
+            n_compared += 1
+        observations, *_ = env.step(actions)
+    env.close()
+    assert n_compared > 100
+
+
+def test_cars_of_the_queue_are_shown_their_way_and_their_stop() -> None:
+    shown = set(range(N_CAR_NUMBERS)) - set(RECIPES["queue"].layouts["car"].unseen)
+    grants, route, stop = 15, range(16, NEIGHBOURS_AT), range(STOP_AT, STOP_AT + 3)
+    assert {grants, *route, *stop} <= shown
+    others = range(NEIGHBOURS_AT, STOP_AT)
+    assert not shown & {0, 1, 2, 3, *others}, "where on the floor it is, other cars and arms"
