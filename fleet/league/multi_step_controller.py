@@ -47,8 +47,6 @@ _OUT_FIRST = 8.0
 dead end its way back that had to leave it, since what it gains is more than what the one inside loses; for ever."""
 _UNHURRIED_S = 0.1
 """Budget of a step from which on robots of a large floor look four timesteps ahead, and all of them decide in each."""
-_MANY_ROUNDS = 4
-"""How many times as many rounds of improvement they have then: ten thousand robots do not come to an end of them."""
 _CROWD = 12
 """Moves that a cell of a large floor counts as farther in the midst of a crowd."""
 _DELAY, _DELAY_REACH, _DELAY_ROOMY = 200, 8, 0.2
@@ -95,8 +93,7 @@ class MultiStepControllerConfig:
     most_tries: int = 3000
     """Operations that a chain of pushes tries before it gives up."""
     rounds: int = 40
-    """Most rounds of improvement in a timestep; four times as many on floors too large for exact costs where a step may
-    take long."""
+    """Most rounds of improvement in a timestep."""
     budget_share: float = 0.7
     """Share of a step's budget after which no further round of improvement begins."""
     guidance: GuidanceConfig = field(default_factory=GuidanceConfig)
@@ -139,7 +136,6 @@ class MultiStepController:
         share = 1.0 - _HOLD_BACK * max(density - _ROOMY, 0.0)
         self._length = min(self.config.length + 2, LONGEST) if density <= _ROOMY else self.config.length
         self._patience = 1
-        self._rounds = self.config.rounds
         self._crowd = self._delay = None
         if self._costs.exact:
             # Loading or compiling kernels takes no time away from learning.
@@ -167,7 +163,6 @@ class MultiStepController:
             hasty = budget_s < _UNHURRIED_S
             self._length = min(self.config.length, 3 if hasty else 4)
             self._patience = self._length if hasty else 1
-            self._rounds *= 1 if hasty else _MANY_ROUNDS
             grid, unit = arena.problem.grid, self._costs.unit
             self._crowd = CrowdCosts(grid, _CROWD * unit)
             self._delay = CrowdCosts(grid, _DELAY * unit, reach=_DELAY_REACH, roomy=_DELAY_ROOMY)
@@ -306,7 +301,7 @@ class MultiStepController:
             allow_rotation=arena.allow_rotation,
             # One round in any case: without it crossings of narrow aisles fill up with knots.
             polish=lambda: next(rounds) == 0 or deadline.spend(),
-            rounds=self._rounds,
+            rounds=self.config.rounds,
             crowd=None if self._crowd is None else self._crowd.of(here),
         )
 
