@@ -38,22 +38,22 @@ def draft_of(path: Path) -> Iterator[Path]:
     Raises:
         OSError: It cannot be written, or not take the place; names the path, and leaves what was there.
     """
-    if path.exists() and not path.is_file():
-        yield path
-        return
+    is_file = not path.exists() or path.is_file()
     target = path.resolve()
-    draft = target.with_name(f".{target.name}.part")
+    draft = target.with_name(f".{target.name}.part") if is_file else path
     try:
         yield draft
-        with draft.open("rb+") as file:
-            os.fsync(file.fileno())
-        draft.replace(target)
+        if is_file:
+            with draft.open("rb+") as file:
+                os.fsync(file.fileno())
+            draft.replace(target)
     except OSError as error:
         if error.filename in (None, str(draft)):
             raise OSError(error.errno, error.strerror, str(path)) from error
         raise
     finally:
-        draft.unlink(missing_ok=True)
+        if is_file:
+            draft.unlink(missing_ok=True)
 
 
 def takes_file(path: Path) -> bool:

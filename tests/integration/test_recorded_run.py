@@ -62,7 +62,8 @@ def _note(run: Seen, simulation: Simulation) -> None:
         if causes[k, Column.BY] >= 0 and causes[k, Column.CAUSE] != Cause.AWAITS
     }
     now_s = simulation.sim_s - simulation.tick_s
-    run.reasons[tick] = {names[k]: str(simulation.explain(names[k], now_s)) for k in kept}
+    found = {names[k]: simulation.explain(names[k], now_s) for k in kept}
+    run.reasons[tick] = {name: f"{why}; {why.orders}" if why.orders else str(why) for name, why in found.items()}
     for car, (x, y, _) in enumerate(world.car_poses()):
         cell = simulation.site.grid.index(*simulation.site.grid.cell_at(x, y))
         run.stood_ticks[causes[car, Column.CAUSE], cell] += 1
