@@ -34,7 +34,7 @@ _PAGE = """{% extends 'lab/index.html.j2' %}
 _WRITABLE = "a directory that can be written and has room on its disk"
 _COLOUR = re.compile(r"\x1b\[[0-9;]*m")
 _PICTURE_ABOVE = re.compile(r"(!\[[^\]]*\]\()\.\./")
-"""A picture of a folder beside that of the notebooks; a page takes in only those that lie below the folder it is given."""
+"""A picture of a folder beside that of the notebooks; a page takes in only those below the folder that it is given."""
 
 
 class NotebookError(Exception):
