@@ -10,7 +10,7 @@ from pathlib import Path
 from benchmarks.harness import Kind, Row, Trial
 from benchmarks.mapf.drawn import draw_problem
 from benchmarks.mapf.instances import find
-from benchmarks.mapf.league import ANYTIME_MS, QUICK_STEPS, STARTUP, Figure, figure_rows, play_problem
+from benchmarks.mapf.league import ANYTIME_MS, QUICK_STEPS, STARTUP, Figure, figure_rows, play_problem, too_quick
 
 SETTLED = 600
 """Timesteps after which the start is over: robots begin empty and scattered."""
@@ -92,10 +92,7 @@ def measure_floors(trial: Trial) -> Iterable[Row]:
 
 def measure_floors_anytime(trial: Trial) -> Iterable[Row]:
     """The same, up to 1 s per step; left out with --quick."""
-    if trial.quick:
-        trial.notes.append("floors that keep flowing, anytime mode: left out with --quick")
-        return ()
-    return _measure(trial, ANYTIME)
+    return () if too_quick(trial, "floors that keep flowing") else _measure(trial, ANYTIME)
 
 
 def _measure(trial: Trial, floors: Sequence[Floor]) -> Iterable[Row]:

@@ -72,10 +72,14 @@ def measure_league(trial: Trial) -> Iterable[Row]:
 
 def measure_league_anytime(trial: Trial) -> Iterable[Row]:
     """Anytime mode, up to 1 s per step; left out with --quick."""
+    return () if too_quick(trial, "League") else _measure(trial, ANYTIME)
+
+
+def too_quick(trial: Trial, what: str) -> bool:
+    """Whether a trial has no time for steps of a second; it notes then what is left out."""
     if trial.quick:
-        trial.notes.append("League, anytime mode: left out with --quick")
-        return ()
-    return _measure(trial, ANYTIME)
+        trial.notes.append(f"{what}, anytime mode: left out with --quick")
+    return trial.quick
 
 
 def _measure(trial: Trial, cases: Sequence[Case]) -> Iterable[Row]:
