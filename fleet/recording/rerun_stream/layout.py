@@ -21,6 +21,8 @@ from fleet.world.scene import Scene
 
 _FLAT = (CAMERA, EYE, f"{VIEWS}/**", f"{CONGESTION}/**")
 """What is not for views in three dimensions."""
+_WRITTEN = (LABELS, RULER)
+"""Names and numbers, which would hide the robots in a small view and close up."""
 CLOSE_UPS = 6
 """So many stations are shown close up, each in a tab: more tabs would leave no room for their names."""
 _LANES_PER_TAB = 25
@@ -54,7 +56,7 @@ def layout(
     few = len(scene.car_start) + len(scene.arm_base) <= FEW_ROBOTS
     # In a small view names would hide the robots.
     names = {} if few else {f"/{CAR_BODIES}": [rr.Mesh3D.from_fields(), rr.Boxes3D.from_fields(show_labels=False)]}
-    hidden = _FLAT if few else (LABELS, RULER, *_FLAT)
+    hidden = _FLAT if few else (*_WRITTEN, *_FLAT)
     site = _eye_view(f"Site {floor.name}", *_overview(scene.size_m, 2.0), hidden=hidden, overrides=names)
     above = _from_above("From above", scene, ["/world/**", f"- /{EYE}", f"- /{VIEWS}/**", f"- /{CONGESTION}/**"])
     congestion = _from_above(
@@ -68,7 +70,7 @@ def layout(
         close.append(_at_work(scene))
     for arm, base in enumerate(scene.arm_base[:CLOSE_UPS]):
         name = floor.station_names[arm] if floor.station_names else f"arm_{arm}"
-        close.append(_eye_view(name, *close_up(base), hidden=(LABELS, RULER, *_FLAT)))
+        close.append(_eye_view(name, *close_up(base), hidden=(*_WRITTEN, *_FLAT)))
     if cameras and close:
         close += _camera_views(scene, cameras)
     why = rrb.TextDocumentView(origin=f"/{WAITS}", name="Why robots wait")
@@ -161,7 +163,7 @@ def _camera_views(scene: Scene, cameras: Sequence[str]) -> list[rrb.View | rrb.G
         for title, word in (("Cameras", "rgb"), ("Depths", "depth"))
     ]
     eye, target = close_up(scene.arm_base[0])
-    cloud = _eye_view("Points seen", eye, target, hidden=(LABELS, RULER, CAMERA, f"{CONGESTION}/**", "world/parcels"))
+    cloud = _eye_view("Points seen", eye, target, hidden=(*_WRITTEN, CAMERA, f"{CONGESTION}/**", "world/parcels"))
     return [*grids, cloud]
 
 
@@ -216,7 +218,7 @@ def _eye_view(
 def _at_work(scene: Scene) -> rrb.Spatial3DView:
     """The arm at work, as the eye before it sees it."""
     shown = tuple(path for path in _FLAT if path != EYE)  # the viewer follows what is in the view only
-    view = _eye_view("At work", *close_up(scene.arm_base[0]), hidden=(LABELS, RULER, *shown))
+    view = _eye_view("At work", *close_up(scene.arm_base[0]), hidden=(*_WRITTEN, *shown))
     view.properties["EyeControls3D"] = rrb.EyeControls3D(tracking_entity=f"/{EYE}")
     return view
 
