@@ -14,7 +14,7 @@ import yaml
 
 import fleet.envs.warehouse.env as warehouse
 from fleet.robots.cars import racecar
-from tests.guide.pages import REPOSITORY, pages, read_blocks
+from tests.guide.pages import REPOSITORY, Block, pages, read_blocks
 
 
 def prose(page: str) -> list[tuple[int, str]]:
@@ -27,6 +27,16 @@ def prose(page: str) -> list[tuple[int, str]]:
         elif told:
             found.append((number, line))
     return found
+
+
+def words_of(page: str) -> str:
+    """Text of a page, however its lines are broken."""
+    return " ".join((REPOSITORY / page).read_text(encoding="utf-8").split())
+
+
+def python_blocks() -> list[Block]:
+    """Blocks of Python on all pages."""
+    return [block for page in pages() for block in read_blocks(page) if block.language == "python"]
 
 
 @pytest.mark.parametrize("page", pages())
@@ -48,7 +58,7 @@ def test_no_block_prints_an_object_as_python_sees_it() -> None:
 def test_no_block_runs_without_a_word() -> None:
     """A friction of the first hour: blocks that made a run or stepped an environment, and printed nothing."""
     works = r"\.(step|tick|run)\(|run_session\(|time_columns\("
-    blocks = [block for page in pages() for block in read_blocks(page) if block.language == "python"]
+    blocks = python_blocks()
     run = [block for block in blocks if "file" not in block.marks and re.search(works, block.text)]
     assert run
     assert [f"{block.page}:{block.line}" for block in run if "print(" not in block.text] == []
@@ -70,7 +80,7 @@ def unbound_names(text: str) -> set[str]:
 
 def test_each_block_imports_what_it_uses() -> None:
     """A friction of the first hour: `NameError: Simulation` in blocks that needed the one before."""
-    blocks = [block for page in pages() for block in read_blocks(page) if block.language == "python"]
+    blocks = python_blocks()
     assert len(blocks) > 20
     assert {
         f"{block.page}:{block.line}": unbound_names(block.text) for block in blocks if unbound_names(block.text)
@@ -79,7 +89,7 @@ def test_each_block_imports_what_it_uses() -> None:
 
 def test_no_block_needs_a_package_that_set_up_does_not_install() -> None:
     """A friction of the first hour: a block with a data frame, and no pandas in what `make setup` installs."""
-    blocks = [block for page in pages() for block in read_blocks(page) if block.language == "python"]
+    blocks = python_blocks()
     assert [f"{block.page}:{block.line}" for block in blocks if re.search(r"\.frame\(|import pandas", block.text)] == []
 
 
@@ -191,7 +201,7 @@ def test_what_left_the_readme_is_on_a_page_that_it_leads_to() -> None:
 )
 def test_a_page_that_was_missing_is_there_and_in_the_navigation(wish: str, page: str, words: str) -> None:
     """Frictions of the first hour: docs without an index, how-tos, references and help with what does not work."""
-    assert words in " ".join((REPOSITORY / page).read_text(encoding="utf-8").split()), wish
+    assert words in words_of(page), wish
     nav = json.dumps(yaml.safe_load((REPOSITORY / "mkdocs.yml").read_text(encoding="utf-8"))["nav"])
     assert f'"{page.removeprefix("docs/")}"'.replace("CHANGELOG", "changelog") in nav, wish
 
@@ -235,7 +245,7 @@ def test_the_sheet_of_the_warehouse_tells_the_wheelbase() -> None:
 
 def test_general_names_of_the_wheel_are_told_where_it_is_installed() -> None:
     """A friction of the first hour: `maps` and `planners` in site-packages, and no word of it."""
-    text = " ".join((REPOSITORY / "docs/guide/install.md").read_text(encoding="utf-8").split())
+    text = words_of("docs/guide/install.md")
     assert "The wheel has three packages: `fleet`, `maps` and `planners`" in text
 
 
@@ -283,7 +293,7 @@ def test_general_names_of_the_wheel_are_told_where_it_is_installed() -> None:
 )
 def test_what_had_to_be_guessed_is_told(friction: str, page: str, words: str) -> None:
     """Frictions of the first hour that were a missing sentence."""
-    assert words in " ".join((REPOSITORY / page).read_text(encoding="utf-8").split()), friction
+    assert words in words_of(page), friction
 
 
 def test_speeds_of_worlds_are_set_against_what_they_are_for() -> None:
