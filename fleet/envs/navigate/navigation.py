@@ -35,7 +35,8 @@ Of another car:
 | 13-14 | where the ways of both meet: the own way to there / 3 m, its way to there / 3 m; 1 each if not within 3 m |
 | 15 | whether its number is lower (0 or 1): something by which agents can agree who goes first |
 
-With `knocks_per_min` cars are knocked off their courses now and then, so that agents learn to come back.
+With `ramp` cars in physics gain and lose speed no faster than without it. With `knocks_per_min` cars are knocked off
+their courses now and then, so that agents learn to come back.
 
 Rewards: the sum of the terms in `NavigationWeights`; `infos[agent]` holds each weighted term, and `places` and `touches`,
 the numbers of places that were reached and of touches that began in this step. `state()` is all observations, one after the other.
@@ -66,6 +67,7 @@ from fleet.envs.core.weights import check_weights
 from fleet.envs.navigate.rows import N_CAR_NUMBERS, CarsSeen, Seen, observe
 from fleet.envs.navigate.ways import WayLines, project
 from fleet.robots.pursuit import PathBuffer
+from fleet.robots.speed_ramp import SpeedRamp
 from fleet.world import make_world
 from fleet.world.kinematic import CONTACTS, STOP, TYRE_GRIP_MPS2, KinematicConfig, KinematicWorld
 from fleet.world.protocol import World
@@ -140,6 +142,9 @@ class NavigationConfig(RecordedEnvConfig):
     """`kinematic` or `physics`."""
     contact: str = STOP
     """What a collision does in fidelity `kinematic`: `stop` or `pass`, see `fleet.world.kinematic.KinematicConfig`."""
+    ramp: bool = False
+    """Whether cars approach a told speed within the limits of acceleration of their model in physics, too, as they do
+    without it; else as fast as motors and tyres can."""
     knocks_per_min: float = 0.0
     """Times per minute that each car is knocked off its course: by up to `KNOCK_M` and `KNOCK_RAD`, for training."""
     control_hz: float = 10.0
@@ -215,6 +220,7 @@ class NavigationEnv(FleetEnv):
         self._parked = self._world.save(settle=True)
         self._no_joints = np.zeros((0, scene.arms.width))
         self._no_grip = np.zeros(0, dtype=np.bool_)
+        self._cars = scene.cars
         half_m = ((scene.car.front_m + scene.car.rear_m + TOUCH_M) / 2, scene.car.half_width_m + TOUCH_M / 2)
         self._body = np.array([(scene.car.front_m - scene.car.rear_m) / 2, *half_m])
         self._limits = np.array([scene.car.max_steering_rad, scene.car.max_speed_mps])
@@ -259,6 +265,7 @@ class NavigationEnv(FleetEnv):
         self._ticks_stuck = np.zeros(n_cars, dtype=np.int64)
         """Ticks for which each car has been standing off its lane."""
         self._aside_m[:] = 0.0
+        self._ramp = SpeedRamp(self._cars, self._world.tick_s) if self.config.ramp else None
         self._look(0)
         self._figures = dict.fromkeys(self._figures, 0.0)
         if self.render_mode == "rerun":
@@ -285,7 +292,10 @@ class NavigationEnv(FleetEnv):
         if self.config.knocks_per_min:
             self._knock()
         before_m = self._paths.progress.copy()
+        told_mps = commands[:, 1].copy()
         for _ in range(self._n_ticks):
+            if self._ramp is not None:
+                commands[:, 1] = self._ramp.tick(told_mps, self._world.car_speeds())
             self._world.step(commands, self._no_joints, self._no_joints, self._no_grip)
         project(self._world.car_poses(), self._ways())
         reached = self._arrive()
