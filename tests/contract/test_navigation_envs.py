@@ -8,6 +8,7 @@ import subprocess
 import sys
 import warnings
 from collections.abc import Iterator
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -162,6 +163,22 @@ def test_a_car_that_stands_off_its_lane_is_towed_after_a_while() -> None:
     env.close()
 
 
+@pytest.mark.bullet
+def test_cars_are_held_to_their_limits_in_physics_too() -> None:
+    def speeds(**arguments: Any) -> list[float]:
+        env = navigate_v1.parallel_env(n_cars=1, **arguments)
+        env.reset(seed=1)
+        told = [0.5] * 5 + [0.0] * 3
+        found = [float(env.step({"car_0": np.array([0.0, one])})[0]["car_0"][0]) * 2.0 for one in told]
+        env.close()
+        return found
+
+    kinematic = speeds()
+    assert speeds(ramp=True) == kinematic
+    assert speeds(ramp=True, fidelity="physics") == pytest.approx(kinematic, abs=0.01)
+    assert speeds(fidelity="physics")[0] > 3.0 * kinematic[0]
+
+
 def test_knocks_come_from_the_seed_and_leave_the_places_alone() -> None:
     ends, goals = [], []
     for knocks_per_min in (0.0, 120.0, 120.0):
@@ -242,6 +259,7 @@ def test_what_cannot_be_made_legal_is_refused_and_the_episode_goes_on() -> None:
         ({"control_hz": float("nan")}, "control_hz is nan"),
         ({"n_cars": "2"}, "n_cars is '2'"),
         ({"knocks_per_min": -1.0}, "knocks_per_min is -1.0; valid: a number >= 0"),
+        ({"ramp": 1}, "ramp is 1; valid: True, False"),
         ({"control_hz": "x"}, "control_hz is 'x'"),
         ({"control_hz": True}, "control_hz is True"),
         ({"max_cycles": True}, "max_cycles is True"),

@@ -161,6 +161,7 @@ class NavigationConfig(RecordedEnvConfig):
         require(cars_ok, "n_cars", self.n_cars, f"1 to {n_spots} on site {self.place.name}")
         require(self.fidelity in FIDELITIES, "fidelity", self.fidelity, ", ".join(FIDELITIES))
         require(self.contact in CONTACTS, "contact", self.contact, ", ".join(CONTACTS))
+        require(isinstance(self.ramp, bool), "ramp", self.ramp, "True, False")
         knocks_ok = is_number(self.knocks_per_min) and self.knocks_per_min >= 0
         require(knocks_ok, "knocks_per_min", self.knocks_per_min, "a number >= 0")
         hz_ok = is_number(self.control_hz) and self.control_hz > 0
