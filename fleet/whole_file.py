@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import shutil
 import tempfile
@@ -57,14 +58,33 @@ def draft_of(path: Path) -> Iterator[Path]:
 
 
 def takes_file(path: Path) -> bool:
-    """Whether a file can be written at a path, by making one beside it: rights do not tell it of `/proc`."""
-    if path.exists() and not path.is_file():
-        return not path.is_dir() and os.access(path, os.W_OK)
+    """Whether a file can be written at a path."""
     try:
-        with tempfile.TemporaryFile(dir=path.parent):
-            return True
+        require_place(path)
     except OSError:
         return False
+    return True
+
+
+def require_place(path: Path) -> None:
+    """See that a file can be written at a path before it has taken a long time to make; leaves nothing behind.
+
+    A file is made beside it: rights do not tell it of `/proc`.
+
+    Raises:
+        OSError: It cannot; names the path.
+    """
+    special = path.exists() and not path.is_file()
+    if path.is_dir() or (special and not os.access(path, os.W_OK)):
+        number = errno.EISDIR if path.is_dir() else errno.EACCES
+        raise OSError(number, os.strerror(number), str(path))
+    if special:
+        return
+    try:
+        with tempfile.TemporaryFile(dir=path.parent):
+            pass
+    except OSError as error:
+        raise OSError(error.errno, error.strerror, str(path)) from error
 
 
 @contextmanager

@@ -17,7 +17,7 @@ from fleet.cli.run_output import plain_console
 from fleet.config import require
 from fleet.terminal.interrupts import interrupts
 from fleet.terminal.progress_bar import Bar
-from fleet.whole_file import draft_of, write_whole
+from fleet.whole_file import draft_of, require_place, write_whole
 
 if TYPE_CHECKING:
     from fleet.league.arena import Arena
@@ -60,7 +60,7 @@ class Lorr:
         problem = read_problem(self.problem)
         for path in (self.output, self.json):
             if path is not None:
-                _require_writable(path)
+                require_place(path)
         # Kernels take a second to load: only when there is something to play.
         from fleet.league.controller import PibtController
         from fleet.league.multi_step_controller import MultiStepController
@@ -169,12 +169,3 @@ def _peak_rss_mb() -> float:
     """Most memory this process has had [MB]."""
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return peak / 2**20 if sys.platform == "darwin" else peak / 2**10
-
-
-def _require_writable(path: Path) -> None:
-    """Raise OSError now rather than after the run; leaves no file behind that was not there."""
-    existed = path.exists()
-    with path.open("ab"):
-        pass
-    if not existed:
-        path.unlink()

@@ -12,7 +12,7 @@ import tyro
 
 from fleet.cli.run_output import figure_table, plain_console
 from fleet.config import require
-from fleet.whole_file import draft_of
+from fleet.whole_file import draft_of, require_place
 
 if TYPE_CHECKING:
     import numpy as np
@@ -81,11 +81,7 @@ class YardPlan:
         """Refuse an output that cannot be written, before the time is spent."""
         same = self.output.exists() and self.output.samefile(self.instance)
         require(not same, "--output", str(self.output), "another file than the instance")
-        there = self.output.exists()
-        with self.output.open("a"):
-            pass
-        if not there:
-            self.output.unlink()
+        require_place(self.output)
 
 
 def _crossing(problem: OpenFloorProblem) -> OpenFloorProblem:

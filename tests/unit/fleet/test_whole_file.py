@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from fleet.whole_file import draft_of, takes_file, whole_folder, write_whole
+from fleet.whole_file import draft_of, require_place, takes_file, whole_folder, write_whole
 
 
 def test_a_file_is_replaced_and_nothing_else_is_left(tmp_path: Path) -> None:
@@ -80,4 +80,13 @@ def test_where_files_can_be_written_is_tried(tmp_path: Path) -> None:
     assert not takes_file(tmp_path)
     assert not takes_file(tmp_path / "nowhere" / "new")
     assert not takes_file(Path("/proc/new"))
+    assert not list(tmp_path.iterdir())
+
+
+def test_why_no_file_can_be_written_is_said_with_its_path(tmp_path: Path) -> None:
+    with pytest.raises(FileNotFoundError) as missing:
+        require_place(tmp_path / "nowhere" / "new")
+    assert missing.value.filename == str(tmp_path / "nowhere" / "new")
+    with pytest.raises(IsADirectoryError):
+        require_place(tmp_path)
     assert not list(tmp_path.iterdir())
