@@ -260,6 +260,8 @@ def test_what_cannot_be_made_legal_is_refused_and_the_episode_goes_on() -> None:
         ({"n_cars": "2"}, "n_cars is '2'"),
         ({"knocks_per_min": -1.0}, "knocks_per_min is -1.0; valid: a number >= 0"),
         ({"ramp": 1}, "ramp is 1; valid: True, False"),
+        ({"grip_mps2": 0.0}, "grip_mps2 is 0.0; valid: a number > 0"),
+        ({"grip_mps2": float("nan")}, "grip_mps2 is nan; valid: a number > 0"),
         ({"control_hz": "x"}, "control_hz is 'x'"),
         ({"control_hz": True}, "control_hz is True"),
         ({"max_cycles": True}, "max_cycles is True"),

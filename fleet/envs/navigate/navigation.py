@@ -145,6 +145,9 @@ class NavigationConfig(RecordedEnvConfig):
     ramp: bool = False
     """Whether cars approach a told speed within the limits of acceleration of their model in physics, too, as they do
     without it; else as fast as motors and tyres can."""
+    grip_mps2: float = TYRE_GRIP_MPS2
+    """Greatest sideways acceleration of cars without physics [m/s^2]; less of it, for training, lets them slide wide as
+    they do in physics when their wheels are steered to their stops at full speed."""
     knocks_per_min: float = 0.0
     """Times per minute that each car is knocked off its course: by up to `KNOCK_M` and `KNOCK_RAD`, for training."""
     control_hz: float = 10.0
@@ -162,6 +165,8 @@ class NavigationConfig(RecordedEnvConfig):
         require(self.fidelity in FIDELITIES, "fidelity", self.fidelity, ", ".join(FIDELITIES))
         require(self.contact in CONTACTS, "contact", self.contact, ", ".join(CONTACTS))
         require(isinstance(self.ramp, bool), "ramp", self.ramp, "True, False")
+        grip_ok = is_number(self.grip_mps2) and self.grip_mps2 > 0
+        require(grip_ok, "grip_mps2", self.grip_mps2, "a number > 0")
         knocks_ok = is_number(self.knocks_per_min) and self.knocks_per_min >= 0
         require(knocks_ok, "knocks_per_min", self.knocks_per_min, "a number >= 0")
         hz_ok = is_number(self.control_hz) and self.control_hz > 0
@@ -448,7 +453,7 @@ def env(**settings: Any) -> Any:
 
 def _world_of(scene: Scene, graph: LaneGraph, config: NavigationConfig) -> World:
     if config.fidelity == Fidelity.KINEMATIC:
-        return KinematicWorld(scene, KinematicConfig(contact=config.contact, grip_mps2=TYRE_GRIP_MPS2))
+        return KinematicWorld(scene, KinematicConfig(contact=config.contact, grip_mps2=config.grip_mps2))
     return make_world(scene, graph, RunConfig(site=config.site, robots=config.n_cars, fidelity=Fidelity.PHYSICS))
 
 

@@ -35,7 +35,14 @@ def _pursuit() -> Policy:
 CAR_LAYOUT = RowLayout(groups=(Group(first=19, n_each=16, n_things=4, present=0),))
 """Other cars; numbers as in `fleet.envs.navigate.rows`: FIRST_OTHER, N_PER_OTHER, N_OTHERS."""
 
-_TEAMS = ({"n_cars": 6}, {"n_cars": 9}, {"n_cars": 6}, {"site": "twin", "n_cars": 3})
+# In physics cars that steer to their stops at 2 m/s slide to the outer wall, and cars that learned with all grip never
+# found out how to get off it.
+_TEAMS = (
+    {"n_cars": 6, "grip_mps2": 6.5},
+    {"n_cars": 9, "grip_mps2": 4.5},
+    {"n_cars": 6, "grip_mps2": 5.5},
+    {"site": "twin", "n_cars": 3, "grip_mps2": 5.0},
+)
 
 _CAREFUL = {"touch": -60.0, "towed": -20.0, "off_lane": -0.2}
 
