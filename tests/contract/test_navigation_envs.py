@@ -21,7 +21,7 @@ from fleet.envs.core.base import ActionError, EpisodeError
 from fleet.envs.core.versions import VersionError
 from fleet.envs.kuka_reach import TOLERANCE_M, KukaReachEnv, ReachPolicy
 from fleet.envs.navigate.car_navigate import CarNavigateEnv
-from fleet.envs.navigate.navigation import BRAKE_S, TOW_S, NavigationEnv
+from fleet.envs.navigate.navigation import BRAKE_S, TOW_S, NavigationEnv, NavigationWeights
 from fleet.envs.navigate.navigation_policy import PursuitPolicy
 from fleet.errors import ConfigError
 
@@ -194,17 +194,20 @@ def test_knocks_come_from_the_seed_and_leave_the_places_alone() -> None:
 
 
 def test_two_cars_in_one_place_touch_and_pay_for_it() -> None:
-    env = navigate_v1.parallel_env(n_cars=2)
+    env = navigate_v1.parallel_env(n_cars=2, weights=NavigationWeights(touching=-0.5))
+
+    def paid() -> list[tuple[float, float]]:
+        *_, infos = env.step({})
+        return [(info["touch"], info["touching"]) for info in infos.values()]
+
     env.reset(seed=0)
     poses = env._world.car_poses()
     env._world.push_car(1, *(0.78 * (poses[0] - poses[1])).tolist())
-    *_, infos = env.step({})
-    assert all(info["touch"] == env._weights.touch for info in infos.values())
-    *_, infos = env.step({})
-    assert all(info["touch"] == 0.0 for info in infos.values()), "a touch that lasts counts once"
+    assert paid() == [(-3.0, 0.0)] * 2
+    assert paid() == [(0.0, -0.5)] * 2, "a touch that lasts counts once, and its further steps"
     env._world.push_car(1, *(0.78 * (poses[1] - poses[0])).tolist())
-    *_, infos = env.step({})
-    assert all(info["touch"] == 0.0 for info in infos.values())
+    assert paid() == [(0.0, 0.0)] * 2
+    env.close()
 
 
 def test_cars_stop_at_each_other_unless_they_may_pass() -> None:

@@ -109,6 +109,9 @@ class NavigationWeights:
     """Per place reached."""
     touch: float = -3.0
     """Per time the car begins to touch another; a touch that lasts counts once."""
+    touching: float = 0.0
+    """Per further step of a touch: where only its begin costs something, cars that touch stand, so as not to begin
+    another."""
     off_lane: float = -0.05
     """Per step off the lane."""
     towed: float = -2.0
@@ -118,7 +121,7 @@ class NavigationWeights:
         check_weights(self)
 
 
-TERMS = ("progress", "place", "touch", "off_lane", "towed")
+TERMS = ("progress", "place", "touch", "touching", "off_lane", "towed")
 """Names of the terms."""
 
 
@@ -318,6 +321,7 @@ class NavigationEnv(FleetEnv):
                 weights.progress * (self._paths.progress - before_m),
                 weights.place * reached,
                 weights.touch * touches,
+                weights.touching * (self._seen.touches & touched),
                 weights.off_lane * off_lane,
                 weights.towed * towed,
             )

@@ -44,7 +44,7 @@ _TEAMS = (
     {"site": "twin", "n_cars": 3, "grip_mps2": 5.0},
 )
 
-_CAREFUL = {"touch": -60.0, "towed": -20.0, "off_lane": -0.2}
+_CAREFUL = {"touch": -60.0, "touching": -0.5, "towed": -20.0, "off_lane": -0.2}
 
 NAVIGATE = Recipe(
     summary="cars drive to places, among each other",
@@ -55,7 +55,7 @@ NAVIGATE = Recipe(
     n_steps=3_500_000,
     # A touch that costs 10 is still worth a hurry: in physics such a policy touched twice as often as the script.
     # With limits, what was learned without physics drives the same car in it.
-    arguments={"weights": {"touch": -30.0, "towed": -10.0}, "ramp": True},
+    arguments={"weights": {"touch": -30.0, "touching": -0.5, "towed": -10.0}, "ramp": True},
     stages=(
         TrainingStage(name="on course", mix=_TEAMS, longest=0.55),
         # Cars drift in physics, and their noses end at walls: who has never been there does not reverse.
