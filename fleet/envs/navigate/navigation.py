@@ -35,8 +35,8 @@ Of another car:
 | 13-14 | where the ways of both meet: the own way to there / 3 m, its way to there / 3 m; 1 each if not within 3 m |
 | 15 | whether its number is lower (0 or 1): something by which agents can agree who goes first |
 
-With `ramp` cars in physics gain and lose speed no faster than without it. With `knocks_per_min` cars are knocked off
-their courses now and then, so that agents learn to come back.
+With `knocks_per_min` cars are knocked off their courses now and then, so that agents learn to come back; with less
+`grip_mps2` they slide wider without physics, for the same reason.
 
 Rewards: the sum of the terms in `NavigationWeights`; `infos[agent]` holds each weighted term, and `places` and `touches`,
 the numbers of places that were reached and of touches that began in this step. `state()` is all observations, one after the other.
@@ -67,7 +67,6 @@ from fleet.envs.core.weights import check_weights
 from fleet.envs.navigate.rows import N_CAR_NUMBERS, CarsSeen, Seen, observe
 from fleet.envs.navigate.ways import WayLines, project
 from fleet.robots.pursuit import PathBuffer
-from fleet.robots.speed_ramp import SpeedRamp
 from fleet.world import make_world
 from fleet.world.kinematic import CONTACTS, STOP, TYRE_GRIP_MPS2, KinematicConfig, KinematicWorld
 from fleet.world.protocol import World
@@ -145,9 +144,6 @@ class NavigationConfig(RecordedEnvConfig):
     """`kinematic` or `physics`."""
     contact: str = STOP
     """What a collision does in fidelity `kinematic`: `stop` or `pass`, see `fleet.world.kinematic.KinematicConfig`."""
-    ramp: bool = False
-    """Whether cars approach a told speed within the limits of acceleration of their model in physics, too, as they do
-    without it; else as fast as motors and tyres can."""
     grip_mps2: float = TYRE_GRIP_MPS2
     """Greatest sideways acceleration of cars without physics [m/s^2]; less of it, for training, lets them slide wide as
     they do in physics when their wheels are steered to their stops at full speed."""
@@ -167,7 +163,6 @@ class NavigationConfig(RecordedEnvConfig):
         require(cars_ok, "n_cars", self.n_cars, f"1 to {n_spots} on site {self.place.name}")
         require(self.fidelity in FIDELITIES, "fidelity", self.fidelity, ", ".join(FIDELITIES))
         require(self.contact in CONTACTS, "contact", self.contact, ", ".join(CONTACTS))
-        require(isinstance(self.ramp, bool), "ramp", self.ramp, "True, False")
         grip_ok = is_number(self.grip_mps2) and self.grip_mps2 > 0
         require(grip_ok, "grip_mps2", self.grip_mps2, "a number > 0")
         knocks_ok = is_number(self.knocks_per_min) and self.knocks_per_min >= 0
@@ -229,7 +224,6 @@ class NavigationEnv(FleetEnv):
         self._parked = self._world.save(settle=True)
         self._no_joints = np.zeros((0, scene.arms.width))
         self._no_grip = np.zeros(0, dtype=np.bool_)
-        self._cars = scene.cars
         half_m = ((scene.car.front_m + scene.car.rear_m + TOUCH_M) / 2, scene.car.half_width_m + TOUCH_M / 2)
         self._body = np.array([(scene.car.front_m - scene.car.rear_m) / 2, *half_m])
         self._limits = np.array([scene.car.max_steering_rad, scene.car.max_speed_mps])
@@ -274,7 +268,6 @@ class NavigationEnv(FleetEnv):
         self._ticks_stuck = np.zeros(n_cars, dtype=np.int64)
         """Ticks for which each car has been standing off its lane."""
         self._aside_m[:] = 0.0
-        self._ramp = SpeedRamp(self._cars, self._world.tick_s) if self.config.ramp else None
         self._look(0)
         self._figures = dict.fromkeys(self._figures, 0.0)
         if self.render_mode == "rerun":
@@ -301,10 +294,7 @@ class NavigationEnv(FleetEnv):
         if self.config.knocks_per_min:
             self._knock()
         before_m = self._paths.progress.copy()
-        told_mps = commands[:, 1].copy()
         for _ in range(self._n_ticks):
-            if self._ramp is not None:
-                commands[:, 1] = self._ramp.tick(told_mps, self._world.car_speeds())
             self._world.step(commands, self._no_joints, self._no_joints, self._no_grip)
         project(self._world.car_poses(), self._ways())
         reached = self._arrive()

@@ -54,8 +54,7 @@ NAVIGATE = Recipe(
     figures=("places", "touches", "towed"),
     n_steps=3_500_000,
     # A touch that costs 10 is still worth a hurry: in physics such a policy touched twice as often as the script.
-    # With limits, what was learned without physics drives the same car in it.
-    arguments={"weights": {"touch": -30.0, "touching": -0.5, "towed": -10.0}, "ramp": True},
+    arguments={"weights": {"touch": -30.0, "touching": -0.5, "towed": -10.0}},
     stages=(
         TrainingStage(name="on course", mix=_TEAMS, longest=0.55),
         # Cars drift in physics, and their noses end at walls: who has never been there does not reverse.
