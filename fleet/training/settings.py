@@ -58,6 +58,9 @@ class PpoConfig:
     first of them."""
     log_std: float = -0.5
     """Logarithm of the standard deviation of continuous actions at the start."""
+    log_std_end: float | None = None
+    """The most that it may be at the end, a bound that falls in a straight line from the start; None: no bound. What
+    plays without chance meets states that noise never leaves it in, and should have learned there."""
     network: str = "perceptron"
     """`perceptron`, or `attention`: things that the layout names are looked at together before one is chosen."""
     critic: str = "own"
@@ -90,6 +93,8 @@ class PpoConfig:
             value = getattr(self, name)
             require(math.isfinite(value) and value >= 0, f"ppo.{name}", value, "a number >= 0")
         require(math.isfinite(self.log_std), "ppo.log_std", self.log_std, "a number")
+        end_ok = self.log_std_end is None or (math.isfinite(self.log_std_end) and self.log_std_end <= self.log_std)
+        require(end_ok, "ppo.log_std_end", self.log_std_end, f"a number up to ppo.log_std, {self.log_std:g}, or none")
         require(bool(self.hidden) and min(self.hidden) >= 1, "ppo.hidden", self.hidden, "widths >= 1")
         require(self.network in NETWORKS, "ppo.network", self.network, ", ".join(NETWORKS))
         require(self.critic in CRITICS, "ppo.critic", self.critic, ", ".join(CRITICS))
