@@ -213,12 +213,8 @@ SERVE_PHYSICS = replace(
     SERVE,
     summary="arms that serve go on in physics, where cars are in their way",
     n_steps=122_880,
-    ppo=replace(SERVE.ppo, clone_n=0, learning_rate=1e-4, anchor=0.1, log_std_end=-2.5),
-    stages=(
-        TrainingStage(
-            name="slippery", mix=({**_SHIFT, **_PHYSICS}, {**_ANYHOW, **_PHYSICS}, _SHIFT, _SHIFT)
-        ),
-    ),
+    ppo=replace(SERVE.ppo, clone_n=0, learning_rate=1e-4, anchor=0.1, log_std_fall=1.5),
+    stages=(TrainingStage(name="slippery", mix=({**_SHIFT, **_PHYSICS}, {**_ANYHOW, **_PHYSICS}, _SHIFT, _SHIFT)),),
 )
 
 CELL = Recipe(
