@@ -206,9 +206,9 @@ SERVE = Recipe(
     stages=(TrainingStage(name="beside cars", mix=(_ANYHOW, {}, _SHIFT)),),
 )
 
-# Without physics nothing stops an arm, nor pays for how high it comes to a tray: some come too low to a car. Only little
-# may change: with three times the rate, and physics alone, one of two seeds forgot how to set a second parcel. Without
-# chance some hold a parcel over its place for ever, where they never are with it: so there is less and less of it.
+# Without physics nothing stops an arm, nor pays for how high it comes to a tray: some come too low to a car. Only a
+# little may change: with three times the rate, and physics alone, one of two seeds forgot how to set a second parcel.
+# Without chance some hold a parcel over its place for ever, where they never are with it: so there is ever less of it.
 SERVE_PHYSICS = replace(
     SERVE,
     summary="arms that serve go on in physics, where cars are in their way",
