@@ -58,9 +58,6 @@ class PpoConfig:
     first of them."""
     log_std: float = -0.5
     """Logarithm of the standard deviation of continuous actions at the start."""
-    log_std_fall: float = 0.0
-    """How far a bound on it falls, from `log_std` at the start, in a straight line; 0: there is no bound. What plays
-    without chance stays in states that noise leaves at once, and should have been there while it learned."""
     network: str = "perceptron"
     """`perceptron`, or `attention`: things that the layout names are looked at together before one is chosen."""
     critic: str = "own"
@@ -89,7 +86,7 @@ class PpoConfig:
             require(math.isfinite(value) and value > 0, f"ppo.{name}", value, "a number > 0")
         for name in ("discount", "gae", "clone_own"):
             require(0.0 <= getattr(self, name) <= 1.0, f"ppo.{name}", getattr(self, name), "a number from 0 to 1")
-        for name in ("entropy", "value", "learning_rate_end", "divergence", "anchor", "log_std_fall"):
+        for name in ("entropy", "value", "learning_rate_end", "divergence", "anchor"):
             value = getattr(self, name)
             require(math.isfinite(value) and value >= 0, f"ppo.{name}", value, "a number >= 0")
         require(math.isfinite(self.log_std), "ppo.log_std", self.log_std, "a number")

@@ -244,20 +244,6 @@ def test_an_anchor_holds_a_policy_near_what_was_cloned(action: Box | Discrete) -
     assert strayed[1] < 0.5 * strayed[0]
 
 
-def test_noise_falls_to_its_bound_and_resumes(tmp_path: Path, known: Callable[..., None]) -> None:
-    ways: dict[str, Any] = {"log_std": -1.0, "log_std_fall": 2.0}
-    trainer = run(trainer_of(tmp_path / "whole", 4, **ways))
-    networks = [learner.network for learner in trainer.learners.values() if not learner.network.discrete]
-    assert networks
-    for network in networks:
-        # As the last of four rollouts began, but for one update.
-        assert network.log_std.max().item() <= -1.0 - 2.0 * 3 / 4 + 0.1
-    first = trainer_of(tmp_path / "part", 4, **ways)
-    stop: list[int] = []
-    assert not first.run(lambda row: stop.append(1) if row["update"] == 2 else None, stop)
-    assert weights(run(trainer_of(tmp_path / "part", 4, resume=True, **ways))) == weights(trainer)
-
-
 @pytest.mark.parametrize("clone_all", [False, True])
 def test_cloning_and_its_anchor_resume_to_the_last_bit(
     tmp_path: Path, known: Callable[..., None], clone_all: bool

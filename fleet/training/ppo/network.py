@@ -87,12 +87,6 @@ class Network(nn.Module):
             if isinstance(part, nn.Sequential):
                 cast(nn.Linear, part[0]).weight.index_fill_(1, torch.tensor(numbers, dtype=torch.long), 0.0)
 
-    @torch.no_grad()
-    def bound_spread(self, log_std: float) -> None:
-        """Draw continuous actions with no more than a standard deviation, of which the logarithm is given."""
-        if not self.discrete:
-            self.log_std.clamp_(max=log_std)
-
     def draw(self, scores: Tensor, generator: torch.Generator) -> tuple[Tensor, Tensor]:
         """Draw actions.
 

@@ -161,11 +161,8 @@ class Trainer:
         ppo, recent = self.config.ppo, self._recent
         generator = _generator(self.config.seed, _CHANCE, self.n_done)
         n_own = round(ppo.clone_own * ppo.envs_n) if self.n_done else 0  # what knows nothing yet shows nothing
-        left = 1.0 - self.n_steps / self.config.steps_n
-        if ppo.log_std_fall:
-            for learner in self.learners.values():
-                learner.network.bound_spread(ppo.log_std - ppo.log_std_fall * (1.0 - left))
         rollouts, episodes = self._collector.roll(ppo.horizon_n, generator, self._teachers, n_own)
+        left = 1.0 - self.n_steps / self.config.steps_n
         rate = ppo.learning_rate_end + (ppo.learning_rate - ppo.learning_rate_end) * left
         n_steps = ppo.horizon_n * self._batch.n_agents
         stage = self._curriculum.index + 1

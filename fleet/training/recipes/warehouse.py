@@ -208,13 +208,16 @@ SERVE = Recipe(
 
 # Without physics nothing stops an arm, nor pays for how high it comes to a tray: some come too low to a car. Only a
 # little may change: with three times the rate, and physics alone, one of two seeds forgot how to set a second parcel.
-# Without chance some hold a parcel over its place for ever, where they never are with it: so there is ever less of it.
 SERVE_PHYSICS = replace(
     SERVE,
     summary="arms that serve go on in physics, where cars are in their way",
-    n_steps=122_880,
-    ppo=replace(SERVE.ppo, clone_n=0, learning_rate=1e-4, anchor=0.1, log_std_fall=1.5),
-    stages=(TrainingStage(name="slippery", mix=({**_SHIFT, **_PHYSICS}, {**_ANYHOW, **_PHYSICS}, _SHIFT, _SHIFT)),),
+    n_steps=61_440,
+    ppo=replace(SERVE.ppo, clone_n=0, learning_rate=1e-4, anchor=0.1),
+    stages=(
+        TrainingStage(
+            name="slippery", mix=({**_SHIFT, **_PHYSICS}, {**_ANYHOW, **_PHYSICS}, {**_SHIFT, **_PHYSICS}, _SHIFT)
+        ),
+    ),
 )
 
 CELL = Recipe(

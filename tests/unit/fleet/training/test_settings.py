@@ -60,7 +60,6 @@ def test_what_means_nothing_is_refused(written: Write, text: str, words: str) ->
         ("critic", "shared"),
         ("clone_own", 1.5),
         ("anchor", -1.0),
-        ("log_std_fall", -0.5),
     ],
 )
 def test_values_outside_their_range_are_refused(name: str, value: object) -> None:
