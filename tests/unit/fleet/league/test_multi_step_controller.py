@@ -80,11 +80,12 @@ def test_on_a_large_floor_robots_look_farther_where_a_step_may_take_long(
     monkeypatch.setattr(goal_costs, "EXACT_BYTES", 0)
     lengths = []
 
-    def mover(*args: Any, length: int, **settings: Any) -> Mover:
-        lengths.append(length)
-        return Mover(*args, length=length, **settings)
+    class Noted(Mover):
+        def __init__(self, *args: Any, length: int, **settings: Any) -> None:
+            lengths.append(length)
+            super().__init__(*args, length=length, **settings)
 
-    monkeypatch.setattr(multi_step_controller, "Mover", mover)
+    monkeypatch.setattr(multi_step_controller, "Mover", Noted)
     made().prepare(Arena(random_problem(4)), budget_s)
     assert lengths == [length]
 
