@@ -27,6 +27,8 @@ from tests.unit.fleet.league.replay import Replay
 SHORT = GuidanceConfig(rounds=2, timesteps=60)
 PATIENT_S = 60.0
 """A budget that is never short, so that the number of rounds decides and not the machine."""
+STAIRS = ["..@@@@", "@..@@@", "@@..@@", "@@@..@", "@@@@..", "@@@@@."]
+"""No row and no column is a street."""
 
 
 def made(*, seed: int = 0, **settings: Any) -> MultiStepController:
@@ -73,9 +75,17 @@ def test_a_floor_too_large_for_exact_costs(tmp_path: Path, monkeypatch: pytest.M
     assert played_well(tmp_path, random_problem(4), made(), 100, budget_s=budget_s).result.n_finished > 20
 
 
-@pytest.mark.parametrize(("budget_s", "length"), [(0.02, 3), (PATIENT_S, 5)], ids=["hasty", "patient"])
+@pytest.mark.parametrize(
+    ("problem", "budget_s", "length"),
+    [
+        (problem_of(ROOM, [14], [[20], [14]]), 0.02, 3),
+        (problem_of(ROOM, [14], [[20], [14]]), PATIENT_S, 5),
+        (problem_of(STAIRS, [0], [[29], [0]]), PATIENT_S, 4),
+    ],
+    ids=["hasty", "patient", "patient in a cave"],
+)
 def test_on_a_large_floor_robots_look_farther_where_a_step_may_take_long(
-    monkeypatch: pytest.MonkeyPatch, budget_s: float, length: int
+    monkeypatch: pytest.MonkeyPatch, problem: LeagueProblem, budget_s: float, length: int
 ) -> None:
     monkeypatch.setattr(goal_costs, "EXACT_BYTES", 0)
     lengths = []
@@ -86,7 +96,7 @@ def test_on_a_large_floor_robots_look_farther_where_a_step_may_take_long(
             super().__init__(*args, length=length, **settings)
 
     monkeypatch.setattr(multi_step_controller, "Mover", Noted)
-    made().prepare(Arena(random_problem(4)), budget_s)
+    made().prepare(Arena(problem), budget_s)
     assert lengths == [length]
 
 
