@@ -46,7 +46,7 @@ _OUT_FIRST = 8.0
 """How much more, for each bottleneck between them. Rounds of improvement would otherwise give a robot at the mouth of a
 dead end its way back that had to leave it, since what it gains is more than what the one inside loses; for ever."""
 _UNHURRIED_S = 0.1
-"""Budget of a step from which on robots of a large floor look four timesteps ahead, and all of them decide in each."""
+"""Budget of a step from which on robots of a large floor look farther ahead, and all decide in each timestep."""
 _CROWD = 12
 """Moves that a cell of a large floor counts as farther in the midst of a crowd."""
 _DELAY, _DELAY_REACH, _DELAY_ROOMY = 200, 8, 0.2
@@ -89,7 +89,8 @@ class MultiStepControllerConfig:
 
     length: int = 4
     """Timesteps of an operation; two more where there is room for long ones, and on floors too large for exact costs
-    one less, unless a step may take long."""
+    one less. Where a step may take long they do not get shorter, but one longer where a floor is laid out in streets;
+    in a cave twice as many begin in each state, and nobody has looked what they are worth."""
     most_tries: int = 3000
     """Operations that a chain of pushes tries before it gives up."""
     rounds: int = 40
@@ -161,7 +162,8 @@ class MultiStepController:
             self._costs.weigh_drives(guidance.cost)
             self._n_active = int(np.ceil(n * min(share, guidance.share)))
             hasty = budget_s < _UNHURRIED_S
-            self._length = min(self.config.length, 3 if hasty else 4)
+            longer = min(self.config.length + guidance.in_streets, LONGEST)
+            self._length = min(self.config.length, 3) if hasty else longer
             self._patience = self._length if hasty else 1
             grid, unit = arena.problem.grid, self._costs.unit
             self._crowd = CrowdCosts(grid, _CROWD * unit)

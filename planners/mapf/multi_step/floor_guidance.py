@@ -31,6 +31,8 @@ class FloorGuidance(NamedTuple):
     """Cost of each move of the pebble graph, shape (n_moves,)."""
     share: float
     """Share of the robots that may push on at once; all others only make room."""
+    in_streets: bool
+    """Whether the floor is laid out in rows and columns, and guided by them."""
 
 
 def guide_floor(
@@ -52,8 +54,8 @@ def guide_floor(
     if street_share(grid) >= _LAID_OUT:
         own = street_costs(grid, pebble, against=_AGAINST)
         traffic = assign_traffic(grid, pebble, errands, n_robots, own_cost=own, config=_IN_STREETS, seed=seed)
-        return FloorGuidance(traffic.cost, 1.0)
+        return FloorGuidance(traffic.cost, 1.0, in_streets=True)
     first = street_costs(grid, pebble, against=2, open_share=0.0)
     traffic = assign_traffic(grid, pebble, errands, n_robots, first_cost=first, config=_IN_CAVES, seed=seed)
     busiest = np.bincount(pebble.move_to, weights=traffic.flow, minlength=pebble.n_states).max(initial=0.0)
-    return FloorGuidance(traffic.cost, float(_BUSIEST / max(busiest, _BUSIEST)))
+    return FloorGuidance(traffic.cost, float(_BUSIEST / max(busiest, _BUSIEST)), in_streets=False)

@@ -20,12 +20,15 @@ from maps.lane_graph import LaneGraph
 from planners.mapf.arrays import IntArray
 from planners.mapf.multi_step import goal_costs
 from planners.mapf.multi_step.guidance import Errands, GuidanceConfig
+from planners.mapf.multi_step.multi_step_pibt import Mover
 from tests.unit.fleet.league.problems import CORRIDOR, ROOM, problem_of, random_problem, write_files
 from tests.unit.fleet.league.replay import Replay
 
 SHORT = GuidanceConfig(rounds=2, timesteps=60)
 PATIENT_S = 60.0
 """A budget that is never short, so that the number of rounds decides and not the machine."""
+STAIRS = ["..@@@@", "@..@@@", "@@..@@", "@@@..@", "@@@@..", "@@@@@."]
+"""No row and no column is a street."""
 
 
 def made(*, seed: int = 0, **settings: Any) -> MultiStepController:
@@ -70,6 +73,31 @@ def test_operations_of_any_length_are_legal(tmp_path: Path, length: int) -> None
 def test_a_floor_too_large_for_exact_costs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, budget_s: float) -> None:
     monkeypatch.setattr(goal_costs, "EXACT_BYTES", 0)
     assert played_well(tmp_path, random_problem(4), made(), 100, budget_s=budget_s).result.n_finished > 20
+
+
+@pytest.mark.parametrize(
+    ("problem", "budget_s", "length"),
+    [
+        (problem_of(ROOM, [14], [[20], [14]]), 0.02, 3),
+        (problem_of(ROOM, [14], [[20], [14]]), PATIENT_S, 5),
+        (problem_of(STAIRS, [0], [[29], [0]]), PATIENT_S, 4),
+    ],
+    ids=["hasty", "patient", "patient in a cave"],
+)
+def test_on_a_large_floor_robots_look_farther_where_a_step_may_take_long(
+    monkeypatch: pytest.MonkeyPatch, problem: LeagueProblem, budget_s: float, length: int
+) -> None:
+    monkeypatch.setattr(goal_costs, "EXACT_BYTES", 0)
+    lengths = []
+
+    class Noted(Mover):
+        def __init__(self, *args: Any, length: int, **settings: Any) -> None:
+            lengths.append(length)
+            super().__init__(*args, length=length, **settings)
+
+    monkeypatch.setattr(multi_step_controller, "Mover", Noted)
+    made().prepare(Arena(problem), budget_s)
+    assert lengths == [length]
 
 
 def test_a_robot_that_has_only_a_turn_to_make_makes_it_without_exact_costs(
