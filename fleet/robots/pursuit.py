@@ -53,10 +53,6 @@ class Segments(NamedTuple):
     """Point that ends the piece of path up to the next cusp, or to the end, shape (n_cars,)."""
     piece_s: FloatArray
     """Its arc length, shape (n_cars,)."""
-    curve_limit_2: FloatArray
-    """Squares of the speed that the curve behind each of its points allows a car that is there, and of that at which
-    the wheels can follow, too, when it comes from the point before, shape (n_cars, capacity, 2); filled in up to the
-    end of the piece when a segment is loaded."""
 
 
 class PathArrays(NamedTuple):
@@ -117,7 +113,6 @@ class PathBuffer:
             sign=np.zeros(n_cars),
             piece=np.zeros(n_cars, dtype=np.int64),
             piece_s=np.zeros(n_cars),
-            curve_limit_2=np.zeros((n_cars, FIRST_CAPACITY, 2)),
         )
 
     def arrays(self) -> PathArrays:
@@ -203,8 +198,6 @@ class PathBuffer:
         self.points = np.pad(self.points, ((0, 0), (0, extra), (0, 0)))
         self.s = np.pad(self.s, ((0, 0), (0, extra)))
         self.direction = np.pad(self.direction, ((0, 0), (0, extra)), constant_values=1)
-        limit_2 = np.pad(self._segments.curve_limit_2, ((0, 0), (0, extra), (0, 0)))
-        self._segments = self._segments._replace(curve_limit_2=limit_2)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -511,36 +504,34 @@ def _pursuit(x: float, y: float, yaw: float, aim_x: float, aim_y: float) -> floa
 
 
 @njit(cache=True)
-def _load_curve_limits(path: PathArrays, i: int, car: _Limits, g: _Gains) -> None:
-    """Find what curvature allows at the points from a car's cursor to the end of its piece: it stays so till then."""
-    points, s, limit_2 = path.points, path.s, path.segments.curve_limit_2
-    steering = 0.0
-    for j in range(path.cursor[i], path.segments.piece[i]):
-        curvature = wrapped(points[i, j + 1, 2] - points[i, j, 2]) / (s[i, j + 1] - s[i, j])
-        limit = car.max_speed_mps
-        if abs(curvature) > ANGLE_EPS_RAD:
-            limit = math.sqrt(g.max_lateral_mps2 / abs(curvature))
-        limit_2[i, j, 0] = limit * limit
-        previous, steering = steering, math.atan(car.wheelbase_m * curvature)
-        jump = abs(steering - previous)
-        if jump > ANGLE_EPS_RAD:
-            slow_s = jump / car.max_steering_rate_radps - car.steering_ramp_s
-            if slow_s > 0.0:
-                limit = min(limit, g.jump_window_m / slow_s)
-        limit_2[i, j, 1] = limit * limit
-
-
-@njit(cache=True)
 def _curve_speed(
-    limit_2: FloatArray, s: FloatArray, last: int, k: int, s_here: float, speed: float, brake: float, g: _Gains
+    points: FloatArray,
+    s: FloatArray,
+    last: int,
+    k: int,
+    s_here: float,
+    speed: float,
+    brake: float,
+    car: _Limits,
+    g: _Gains,
 ) -> float:
     """Greatest speed now from which all curvature limits ahead, up to point `last`, can be met."""
     horizon = s_here + speed * speed / (2.0 * brake) + 2.0 * speed * g.tick_s + 0.1
+    steering = 0.0
     for j in range(k, last):
         if s[j] > horizon:
             break
-        limit = limit_2[j, 1 if j > k else 0]
-        speed = min(speed, math.sqrt(limit + 2.0 * brake * max(0.0, s[j] - s_here)))
+        curvature = wrapped(points[j + 1, 2] - points[j, 2]) / (s[j + 1] - s[j])
+        limit = car.max_speed_mps
+        if abs(curvature) > ANGLE_EPS_RAD:
+            limit = math.sqrt(g.max_lateral_mps2 / abs(curvature))
+        previous, steering = steering, math.atan(car.wheelbase_m * curvature)
+        jump = abs(steering - previous)
+        if j > k and jump > ANGLE_EPS_RAD:
+            slow_s = jump / car.max_steering_rate_radps - car.steering_ramp_s
+            if slow_s > 0.0:
+                limit = min(limit, g.jump_window_m / slow_s)
+        speed = min(speed, math.sqrt(limit * limit + 2.0 * brake * max(0.0, s[j] - s_here)))
     return speed
 
 
@@ -561,10 +552,8 @@ def _follow(
     start, step, ahead = segments.start, segments.step, segments.ahead
     last_command, cross_track, heading_error, standing, braked = following
     for i in cars:
-        car = _Limits(limits[i, 0], limits[i, 1], limits[i, 2], limits[i, 3], limits[i, 4], limits[i, 5], limits[i, 6])
         if not segments.loaded[i]:
             _load_piece(path, i)
-            _load_curve_limits(path, i, car, g)
         x, y, yaw = poses[i, 0], poses[i, 1], poses[i, 2]
         sign, piece, piece_s = segments.sign[i], segments.piece[i], segments.piece_s[i]
 
@@ -612,11 +601,11 @@ def _follow(
             last_command[i, 1] = 0.0
             continue
 
+        car = _Limits(limits[i, 0], limits[i, 1], limits[i, 2], limits[i, 3], limits[i, 4], limits[i, 5], limits[i, 6])
         # Speed along the path: the most that cap, curves, the stop and the drive allow.
         line, line_s = points[i], s[i]
         brake = g.brake_fraction * car.max_brake_mps2
-        allowed = min(speed_cap[i], car.max_speed_mps)
-        allowed = _curve_speed(segments.curve_limit_2[i], line_s, piece, k, s_here, allowed, brake, g)
+        allowed = _curve_speed(line, line_s, piece, k, s_here, min(speed_cap[i], car.max_speed_mps), brake, car, g)
         # Distance still free when this command has worked for a tick: v^2 / 2b + (v + now) tick / 2 = left.
         free = left - max(speed, 0.0) * (0.5 * g.tick_s + g.actuator_lag_s)
         reserve = 0.5 * brake * g.tick_s
