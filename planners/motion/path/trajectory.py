@@ -47,9 +47,7 @@ class Trajectory:
                 f"Trajectory: t {self.t.shape}, q {self.q.shape}, qd {self.qd.shape}; valid: (k,) and twice (k, n)"
             )
         # Samples are found by their number, so that other times would lead beyond the arrays.
-        steps_s = np.diff(self.t)
-        equal = k == 1 or (steps_s.min() > 0.0 and np.ptp(steps_s) < _UNEQUAL * steps_s.max())
-        if self.t[0] != 0.0 or not equal:
+        if self.t[0] != 0.0 or not _are_equal_steps(np.ascontiguousarray(self.t, dtype=np.float64)):
             raise PlanningError(f"Trajectory: t {self.t}; valid: times from 0 in equal steps")
 
     @cached_property
@@ -78,6 +76,18 @@ class Trajectory:
         state = np.empty((2, self.q.shape[1]))
         interpolate(self.t, self.q, self.qd, time_s, state)
         return state[0], state[1]
+
+
+@kernel
+def _are_equal_steps(t: FloatArray) -> bool:
+    """Whether times ascend in steps that are all but equal."""
+    least, most = np.inf, 0.0
+    for i in range(1, len(t)):
+        step = t[i] - t[i - 1]
+        if not step > 0.0:
+            return False
+        least, most = min(least, step), max(most, step)
+    return bool(len(t) == 1 or most - least < _UNEQUAL * most)
 
 
 @kernel
