@@ -53,7 +53,7 @@ class Containment:
         missions = self._missions
         out = set(missions.cars_in(*GONE))
         # Who leaves for good delivers what it carries, and takes nothing else.
-        gone = [car for car in range(missions.n_cars) if missions.leaving.get(car, car in out)]
+        gone = sorted(car for car in out | missions.leaving.keys() if missions.leaving.get(car, True))
         if not gone and not self._ways.n_cuts and not self._stations.any_lost:
             return
         changes = self._ways.n_cuts, len(gone), self._stations.n_closings

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Set
+from collections.abc import Callable, Iterator, Set
 from dataclasses import dataclass
 
 import numpy as np
@@ -92,12 +92,20 @@ class Offers:
         far_s = MOVE_S * np.where(moves < UNREACHABLE, moves, 0).max(axis=1, initial=0)
         n_free = len(cars) - n_held
         share = min(n_free, -(-2 * n_free // max(1, len(self._loading)))) + min(n_held, N_EXCHANGED)
+        fits: dict[int, bool] = {}
+
+        def fits_any(task: Task) -> bool:
+            if task.index not in fits:  # a task is offered by all stations that have it
+                fits[task.index] = self._fitness.fits_any(task, cars)
+            return fits[task.index]
+
         for station, longest_s in zip(self._loading, far_s.tolist(), strict=True):
             if not self._stations.is_open(station.name):
                 continue
             n_turns = int(longest_s / turns.pace.cycle_s[station.arm]) + 1
-            urgent = self._open.urgent(station.name, lambda task: self._fitness.fits_any(task, cars))
-            here = self._first((task for task in urgent if task.index not in kept), min(share, n_turns) + N_SPARE, cars)
+            urgent = self._open.urgent(station.name, fits_any)
+            most = min(share, n_turns) + N_SPARE
+            here = self._first((task for task in urgent if task.index not in kept), most, fits_any)
             # Those that are due first are to be done first, so the others are begun after them.
             here.sort(key=by_due)
             begin_s = next_turns(turns, station.arm, len(here)).tolist()
@@ -110,8 +118,7 @@ class Offers:
                     offered.add(task.index)
                     tasks.append(task)
                     # Who nobody can do at present takes no turn.
-                    fits = self._fitness.fits_any(task, cars)
-                    not_before_s.append(begin_s.pop(0) if fits else 0.0)
+                    not_before_s.append(begin_s.pop(0) if fits_any(task) else 0.0)
         visits = self._visit_queue.ready()
         return Offer(tasks=[*tasks, *visits], not_before_s=np.array([*not_before_s, *(0.0 for _ in visits)]))
 
@@ -138,21 +145,24 @@ class Offers:
                 full.add(k)
         return offered, full
 
-    def _first(self, urgent: Iterator[Task], most: int, cars: npt.NDArray[np.intp]) -> list[Task]:
-        """The first so many that one of the cars can do, and those before them, which nobody can do at present."""
+    def _first(self, urgent: Iterator[Task], most: int, fits_any: Callable[[Task], bool]) -> list[Task]:
+        """The first so many that one of some cars can do, and those before them, which nobody can do at present."""
         found: list[Task] = []
         for task in urgent:
             if not self._stations.is_open(task.delivery.drop):
                 continue
             found.append(task)
-            most -= self._fitness.fits_any(task, cars)
+            most -= fits_any(task)
             if most == 0:
                 break
         return found
 
     def _best_source(self, task: Task, turns: TakenTurns) -> str:
         """The pick station from which a task would be done soonest; of equal ones, the first that was named."""
-        picks = [name for name in task.delivery.picks if self._stations.is_open(name)] or task.delivery.picks
+        picks = task.delivery.picks
+        if len(picks) == 1:
+            return picks[0]
+        picks = tuple(name for name in picks if self._stations.is_open(name)) or picks
         if len(picks) == 1:
             return picks[0]
         drop = self._stations.named(task.delivery.drop)

@@ -36,6 +36,7 @@ class Figures:
         n_places = len(run.places.cells)
         time_accounts = TimeAccounts(run.world.n_cars, run.site.grid.cell_xy(docks), run.graph.n_cells, n_places)
         self._pivots = run.scene.cars.each("steers") == 0.0
+        self._any_pivots = bool(self._pivots.any())
         self._yaws = run.world.car_poses()[:, 2].copy()
         self.metrics = Metrics(run.world.n_cars, run.tick_s, time_accounts)
 
@@ -82,7 +83,7 @@ class Figures:
 
     def _paces(self, speeds: FloatArray, poses: FloatArray) -> FloatArray:
         """How fast cars move along paths, where turns on the spot have a length, too [m/s], shape (n_cars,)."""
-        if not self._pivots.any():
+        if not self._any_pivots:
             return speeds
         turned = wrapped_all(poses[:, 2] - self._yaws)
         self._yaws = poses[:, 2].copy()

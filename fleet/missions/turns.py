@@ -93,8 +93,11 @@ class TurnBook:
     def pace(self, now_s: float, arms: IntArray | None = None) -> ArmPace:
         """How fast the arms are at present, or some of them."""
         missions = self._missions
-        arms = self._arms if arms is None else arms
-        left_s = missions.stations.times.all_left_s(now_s)[arms]
+        times = missions.stations.times
+        if arms is None:
+            arms, left_s = self._arms, times.all_left_s(now_s)
+        else:
+            left_s = times.each_left_s(arms, now_s)
         cycle_s = np.maximum(missions.stations.recent_s(arms) + CHANGE_S, self._least_cycle_s[arms])
         return ArmPace(cycle_s, np.where(missions.served[arms] >= 0, left_s + CHANGE_S, 0.0))
 

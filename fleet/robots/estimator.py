@@ -89,6 +89,8 @@ class PoseEstimator:
         self._noises = np.zeros((BLOCK_TICKS, n_cars, 3))
         self._blur = np.ones((n_cars, 1))
         self._blurred = False
+        self.any_in_doubt = False
+        """Whether the last measurement of any car is not believed."""
         self._tick = 0
         self._filter = _Filter(
             tick_s=tick_s,
@@ -141,7 +143,7 @@ class PoseEstimator:
         noise = self._noises[self._tick % BLOCK_TICKS]
         if self._blurred:
             noise = noise * self._blur
-        _estimate(known, self._tick, true_poses, speeds, steering, noise, estimate)
+        self.any_in_doubt = bool(_estimate(known, self._tick, true_poses, speeds, steering, noise, estimate))
         self._tick += 1
         return estimate
 
@@ -175,8 +177,9 @@ def _estimate(
     steering: FloatArray,
     noise: FloatArray,
     estimate: FloatArray,
-) -> None:
-    """Take one tick's measurements of all cars, and fill in the estimated poses now."""
+) -> bool:
+    """Take one tick's measurements of all cars, and fill in the estimated poses now; tells whether any is in doubt."""
+    any_in_doubt = False
     tick_s, wheelbase, sigma, truth, odometry, motion, past, variance, doubt = known
     n_slots = len(truth)
     now, oldest = tick % n_slots, (tick + 1) % n_slots
@@ -224,8 +227,10 @@ def _estimate(
             else:
                 past[i, 2] = truth[oldest, i, 2]
 
+        any_in_doubt = any_in_doubt or doubt[i, 0] > 0.0
         for axis in range(3):
             estimate[i, axis] = past[i, axis]
         for age in range(1, n_slots):
             slot = (oldest + age) % n_slots
             _advance(estimate, i, odometry[slot, i, 0], odometry[slot, i, 1])
+    return any_in_doubt

@@ -15,6 +15,7 @@ import numpy as np
 
 from fleet.config import ArmConfig, Fidelity, PhysicsConfig, RunConfig
 from fleet.errors import FleetError
+from fleet.run.memory import settled
 from fleet.scale.floors import floor_for
 from fleet.simulation import Simulation
 from fleet.study.backend import POLL_S
@@ -152,7 +153,7 @@ def measure_cell(
         arms=ArmConfig(workers_n=0),
         physics=PhysicsConfig(workers_n=n_workers),
     )
-    with Simulation(config) as simulation:
+    with Simulation(config) as simulation, settled():
         world = simulation.world
         while not world.car_speeds().any() and time.time() < until:
             simulation.tick()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -30,6 +29,7 @@ from fleet.recording import (
     versions,
 )
 from fleet.run.events import Event
+from fleet.run.memory import settled
 from fleet.run.view import RunView
 from fleet.safety.breach import InvariantError
 from fleet.safety.check import SafetyCheck
@@ -239,23 +239,21 @@ def _loop(simulation: Simulation, watched: _Watched, pace: Pace, started: float,
     simulation.traffic.call = planning.of
     begin = time.perf_counter()
     pace.change(pace.speed, simulation.sim_s)
-    gc.freeze()  # what is there lives as long as the run: the collector need not look through it again and again
     try:
-        while not watched.is_over(simulation) and not interrupted:
-            simulation.tick()
-            watched.look()
-            if first_move_s is None and np.any(np.abs(simulation.world.car_speeds()) > 0.01):
-                first_move_s = round(time.perf_counter() - started, 3)
-                simulation.log("first_move")
-            if display is not None:
-                display.look(interrupted)
-            if watched.bridge is not None:
-                watched.bridge.look(interrupted)
-            pace.wait(simulation.sim_s, interrupted)
+        with settled():
+            while not watched.is_over(simulation) and not interrupted:
+                simulation.tick()
+                watched.look()
+                if first_move_s is None and np.any(np.abs(simulation.world.car_speeds()) > 0.01):
+                    first_move_s = round(time.perf_counter() - started, 3)
+                    simulation.log("first_move")
+                if display is not None:
+                    display.look(interrupted)
+                if watched.bridge is not None:
+                    watched.bridge.look(interrupted)
+                pace.wait(simulation.sim_s, interrupted)
     except (FleetError, MapsError, PlanningError) as reason:
         error = reason
-    finally:
-        gc.unfreeze()
     return _Course(wall_s=time.perf_counter() - begin, first_move_s=first_move_s, planning=planning, error=error)
 
 

@@ -114,6 +114,10 @@ class ServiceTimes:
             return 0.0
         return max(0.0, self.of(arm, running.direction).recent_s - (now_s - running.since_s))
 
+    def each_left_s(self, arms: npt.NDArray[np.int64], now_s: float) -> npt.NDArray[np.float64]:
+        """What `left_s` says of some arms, shape (k,) [s]."""
+        return np.array([self.left_s(arm, now_s) for arm in arms.tolist()])
+
     def all_left_s(self, now_s: float) -> npt.NDArray[np.float64]:
         """What `left_s` says of each arm, shape (n_arms,) [s]."""
         left_s = np.zeros(self._n_arms)

@@ -8,6 +8,7 @@ from collections import deque
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from enum import StrEnum
+from functools import cached_property
 
 from fleet.errors import FleetError
 from fleet.tasks.order import Delivery, Order, Visit
@@ -118,7 +119,7 @@ class Task:
         if isinstance(self.order, Delivery):
             self.pick = self.pick or self.order.pick
 
-    @property
+    @cached_property
     def visit(self) -> Visit | None:
         """Its order, if that is a visit."""
         return self.order if isinstance(self.order, Visit) else None

@@ -168,16 +168,15 @@ class PathDriver:
         """See `Driver`."""
         self.sense(world)
         caps = self.hindrances.caps(self._speed_cap)
-        in_doubt = self.estimator.in_doubt
-        if in_doubt.any():
-            caps = np.where(in_doubt, 0.0, caps)
+        if self.estimator.any_in_doubt:
+            caps = np.where(self.estimator.in_doubt, 0.0, caps)
         commands = self.follower.commands(self.buffer, self.estimate, self._speeds, self._stop_s, caps)
         return self.hindrances.late(commands)
 
     def sense(self, world: World) -> None:
         """Take in where the cars are and how fast."""
         self._speeds = world.car_speeds()
-        self._slow_ticks = np.where(np.abs(self._speeds) < AT_REST_MPS, self._slow_ticks + 1.0, 0.0)
+        _count_slow(self._speeds, self._slow_ticks)
         self.estimate = self.estimator.update(world.car_poses(), self._speeds, world.car_steering())
 
     def finished(self) -> CellArray:
@@ -352,6 +351,13 @@ def _pieces_of(graph: LaneGraph) -> Pieces:
         s_m=graph.path_s,
         direction=np.where(graph.move_kind == REVERSE, -1, 1).astype(np.int8),
     )
+
+
+@njit(cache=True)
+def _count_slow(speeds: FloatArray, slow_ticks: FloatArray) -> None:  # pragma: no cover - compiled
+    """Count one more tick of cars that are slow, and begin anew with the others."""
+    for car in range(len(speeds)):
+        slow_ticks[car] = slow_ticks[car] + 1.0 if abs(speeds[car]) < AT_REST_MPS else 0.0
 
 
 @njit(cache=True)

@@ -104,7 +104,7 @@ class Executor:
         return self.dependencies.tail_states()
 
     def granted_states(self) -> npt.NDArray[np.int32]:
-        """State each car stands in when all it was granted is done, shape (n_cars,)."""
+        """State each car stands in when all it was granted is done, shape (n_cars,), read-only."""
         return self.dependencies.granted_states()
 
     def holds(self, car: int, cell: int) -> bool:

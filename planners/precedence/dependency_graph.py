@@ -78,6 +78,7 @@ class DependencyGraph:
         self._reserved: dict[int, set[int]] = {}  # by agent
         # Asked for in every tick, changed in few: None = not known any more.
         self._tails: IntArray | None = None
+        self._granted_tails: IntArray | None = None
         self._held_up: BoolArray | None = None
         self._anyone_held_up = False
         self._all = np.full(len(states), np.iinfo(np.int64).max)
@@ -129,8 +130,11 @@ class DependencyGraph:
         return self._tails
 
     def granted_states(self) -> IntArray:
-        """State each agent stands in when all it was granted is done, shape (n,)."""
-        return granted_tails(self._q)
+        """State each agent stands in when all it was granted is done, shape (n,), read-only."""
+        if self._granted_tails is None:
+            self._granted_tails = granted_tails(self._q)
+            self._granted_tails.flags.writeable = False
+        return self._granted_tails
 
     def timesteps_left(self) -> Int64Array:
         """Timesteps until each agent stands in its tail state, shape (n,), if each move takes one as soon as it may."""
@@ -159,7 +163,7 @@ class DependencyGraph:
         n_visits = int((q.swept_ptr[move + 1] - q.swept_ptr[move]).sum())
         self._q = with_room(q, int((q.queued - q.finished + new).max(initial=0)), n_visits)
         append(self._q, steps.timestep, steps.agent, move)
-        self._tails = self._held_up = None
+        self._tails = self._granted_tails = self._held_up = None
 
     def commit_cut(self, lookahead: int) -> IntArray:
         """Keep the next few moves of each agent and drop the rest, to plan anew from where they end.
@@ -223,7 +227,7 @@ class DependencyGraph:
                 f"dependency graph: the next move of agent {agent} must not start, it waits for (agent, cell) "
                 f"{self.blockers(agent)}; valid: only a grantable agent"
             )
-        self._held_up = None
+        self._granted_tails = self._held_up = None
         return int(start(self._q, agent))
 
     def grant_all(self, most: int, closed: BoolArray) -> tuple[IntArray, IntArray]:
@@ -239,7 +243,7 @@ class DependencyGraph:
         agents = np.empty(self.n_agents * most, dtype=np.int32)
         moves = np.empty_like(agents)
         count = start_all(self._q, most, closed, agents, moves)
-        self._held_up = None
+        self._granted_tails = self._held_up = None
         return agents[:count], moves[:count]
 
     def grant_behind(self) -> int:
@@ -248,7 +252,7 @@ class DependencyGraph:
         Both hold the cell until the leader has left it, so only for agents that are kept apart while they move: the
         follower must not be faster than its leader.
         """
-        self._held_up = None
+        self._granted_tails = self._held_up = None
         return start_behind(self._q, self._graph.state_heading)
 
     def finish(self, agent: int) -> int:
@@ -262,7 +266,7 @@ class DependencyGraph:
         """
         if self._q.finished[agent] == self._q.granted[agent]:
             raise ExecutionError(f"dependency graph: agent {agent} has no granted move; valid: finish what was granted")
-        self._held_up = None
+        self._granted_tails = self._held_up = None
         return int(end(self._q, agent))
 
     def finish_all(self, agents: npt.ArrayLike) -> None:
@@ -271,7 +275,7 @@ class DependencyGraph:
         Raises:
             ExecutionError: No move is granted; the agents before are done.
         """
-        self._held_up = None
+        self._granted_tails = self._held_up = None
         in_turn = np.asarray(agents, dtype=np.int32)
         done = end_all(self._q, in_turn)
         if done < len(in_turn):
@@ -332,7 +336,7 @@ class DependencyGraph:
         Returns:
             Whether the agent's next move is grantable now; if not, nothing is changed.
         """
-        self._held_up = None
+        self._granted_tails = self._held_up = None
         return self.n_queued(agent) > 0 and go_first(self._q, agent, late)
 
     def held_cells(self, agent: int) -> list[int]:
@@ -372,14 +376,14 @@ class DependencyGraph:
         for cell in wanted - reserved:
             hold(self._q, agent, cell)
         reserved |= wanted
-        self._held_up = None
+        self._granted_tails = self._held_up = None
         return True
 
     def unreserve(self, agent: int) -> None:
         """Give back all that the agent has reserved."""
         for cell in self._reserved.pop(agent, ()):
             let_go(self._q, cell)
-        self._held_up = None
+        self._granted_tails = self._held_up = None
 
     def halt(self, agent: int) -> None:
         """Drop the agent's queued moves, and those of others that wait for them or lead through a cell it holds.
@@ -423,7 +427,7 @@ class DependencyGraph:
         q.finished[agent] = q.granted[agent]
         let_go(q, q.state_cell[q.state[agent]])
         q.state[agent] = state
-        self._tails = self._held_up = None
+        self._tails = self._granted_tails = self._held_up = None
 
     # --- internals
 
@@ -438,7 +442,7 @@ class DependencyGraph:
         shut = self._nowhere.copy()
         shut[list(closed)] = True
         cut_off(self._q, run_through(self._q, limits, shut))
-        self._tails = self._held_up = None
+        self._tails = self._granted_tails = self._held_up = None
 
     def _granted(self, agent: int) -> list[int]:
         """Granted moves in order."""

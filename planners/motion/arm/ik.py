@@ -397,7 +397,7 @@ class SrsGeometry(SevenJointArm):
         reference = _rz(turn) @ _ry(np.arctan2(radius, wrist[2]) - np.arctan2(aside, along))
         swing = shoulder @ reference.T  # a rotation about the shoulder-wrist line
         sine = np.array([swing[2, 1] - swing[1, 2], swing[0, 2] - swing[2, 0], swing[1, 0] - swing[0, 1]]) @ wrist
-        return float(np.arctan2(sine / np.linalg.norm(wrist), np.trace(swing) - 1.0)), branch
+        return float(np.arctan2(sine / np.sqrt(wrist.dot(wrist)), swing.trace() - 1.0)), branch
 
 
 def _rz(angle: float) -> FloatArray:

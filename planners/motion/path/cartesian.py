@@ -12,6 +12,8 @@ from planners.motion.arm.ik import SrsGeometry, branch_into, wrist_target_into
 from planners.motion.arrays import FloatArray, IntArray
 from planners.motion.kernel import kernel
 
+MAX_JOINT_STEP_RAD = 0.25
+"""Largest change of any joint between way points, unless told otherwise."""
 _N_ARM_ANGLES = 72  # grid of 5 deg around the start's arm angle
 _MOST_STEPS = 100_000
 _MAX_TURN = 2  # grid steps the arm angle may change per way point
@@ -30,7 +32,7 @@ class _Chains(NamedTuple):
     """Of m+1 way points x a arm angles: the cheapest chain of solutions that leads there."""
 
     cost: FloatArray
-    """Shape (m+1, a); comes with the start's row done and infinity elsewhere."""
+    """Shape (m+1, a)."""
     origin: IntArray
     """Arm angle of the way point before, shape (m+1, a)."""
     solution: FloatArray
@@ -38,11 +40,23 @@ class _Chains(NamedTuple):
 
 
 @kernel
-def _follow(arm: _Arm, poses: FloatArray, start_angle: float, branch: int, max_step: float, chains: _Chains) -> bool:
-    """Fill the chains; False if none reaches the last way point."""
+def _follow(
+    arm: _Arm,
+    poses: FloatArray,
+    start_angle: float,
+    branch: int,
+    max_step: float,
+    chains: _Chains,
+    path: FloatArray,
+) -> bool:
+    """Fill in the chains and, behind its start, the path (m+1, 7); False if no chain reaches the last way point."""
     packed, lower, upper = arm.packed, arm.lower, arm.upper
     cost, origin, solution = chains.cost, chains.origin, chains.solution
     m, n_angles = poses.shape[0], cost.shape[1]
+    cost[:] = np.inf
+    origin[:] = 0
+    cost[0, 0] = 0.0
+    solution[0, 0] = path[0]
     target = np.empty((3, 4))
     q = np.empty(7)
     for p in range(1, m + 1):
@@ -76,6 +90,10 @@ def _follow(arm: _Arm, poses: FloatArray, start_angle: float, branch: int, max_s
                     found = True
         if not found:
             return False
+    column = int(np.argmin(cost[m]))
+    for p in range(m, -1, -1):
+        path[p] = solution[p, column]
+        column = origin[p, column]
     return True
 
 
@@ -135,7 +153,7 @@ def cartesian_line(
     n_steps: int,
     *,
     tool_length_m: float = 0.0,
-    max_joint_step_rad: float = 0.25,
+    max_joint_step_rad: float = MAX_JOINT_STEP_RAD,
 ) -> FloatArray | None:
     """Joint path along which the tool tip moves on a straight line, turning at a constant rate.
 
@@ -160,28 +178,35 @@ def cartesian_line(
     start = checks.vector("cartesian_line: q_start", q_start, len(srs.lower))
     goal = checks.rigid("cartesian_line: base_from_goal", base_from_goal)
     checks.whole("cartesian_line: n_steps", n_steps, 1, _MOST_STEPS)
-    if not srs.within_limits(start):
+    step_rad = checks.positive("cartesian_line: max_joint_step_rad", max_joint_step_rad)
+    return line_between(srs, start, srs.flange(start), goal, n_steps, tool_length_m, step_rad)
+
+
+def line_between(
+    srs: SrsGeometry,
+    start: FloatArray,
+    first: FloatArray,
+    goal: FloatArray,
+    n_steps: int,
+    tool_length_m: float,
+    max_joint_step_rad: float = MAX_JOINT_STEP_RAD,
+) -> FloatArray | None:
+    """As `cartesian_line`, of what was checked, and with the pose of the last link at the start, shape (4, 4)."""
+    if not ((start >= srs.lower) & (start <= srs.upper)).all():
         return None
-    first = srs.flange(start)
     fraction = np.arange(1, n_steps + 1) / n_steps
     tip = first[:3, 3] + tool_length_m * first[:3, 2]
     poses = np.zeros((n_steps, 3, 4))
     poses[:, :, :3] = turned(np.ascontiguousarray(first[:3, :3]), np.ascontiguousarray(goal[:3, :3]), fraction)
     poses[:, :, 3] = tip + fraction[:, None] * (goal[:3, 3] - tip) - tool_length_m * poses[:, :, 2]
     angle, branch = srs.arm_angle_and_branch(start)
-    cost = np.full((n_steps + 1, _N_ARM_ANGLES), np.inf)
-    origin = np.zeros(cost.shape, dtype=np.int64)
-    solution = np.empty((*cost.shape, len(start)))
-    cost[0, 0] = 0.0
-    solution[0, 0] = start
-    step = float(max_joint_step_rad)
+    n_rows = n_steps + 1
+    chains = _Chains(
+        cost=np.empty((n_rows, _N_ARM_ANGLES)),
+        origin=np.empty((n_rows, _N_ARM_ANGLES), dtype=np.int64),
+        solution=np.empty((n_rows, _N_ARM_ANGLES, len(start))),
+    )
+    path = np.empty((n_rows, len(start)))
+    path[0] = start
     arm = _Arm(packed=srs.packed, lower=srs.lower, upper=srs.upper)
-    chains = _Chains(cost=cost, origin=origin, solution=solution)
-    if not _follow(arm, poses, angle, branch, step, chains):
-        return None
-    path = np.empty((n_steps + 1, len(start)))
-    column = int(np.argmin(cost[-1]))
-    for p in range(n_steps, -1, -1):
-        path[p] = solution[p, column]
-        column = int(origin[p, column])
-    return path
+    return path if _follow(arm, poses, angle, branch, max_joint_step_rad, chains, path) else None

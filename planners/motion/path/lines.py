@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from planners.motion import checks
@@ -9,19 +11,23 @@ from planners.motion.arm.ik import SrsGeometry
 from planners.motion.arm.ik_numeric import NumericInverse
 from planners.motion.arm.inverse import InverseKinematics
 from planners.motion.arrays import FloatArray
-from planners.motion.path.cartesian import cartesian_line, turned
+from planners.motion.path.cartesian import MAX_JOINT_STEP_RAD, line_between, turned
 
 STEP_M = 0.01
 """Distance of the inverse-kinematics points of a line."""
 STEP_RAD = 0.1
 """And their turn."""
-_MAX_JOINT_STEP_RAD = 0.25
 _MOST_M = 100.0  # longer than any arm; shorter lines that leave the reach are found out on the way
 
 
 def tip_pose(inverse: InverseKinematics, q: FloatArray, tool_length_m: float) -> FloatArray:
     """Pose of the tool tip, ahead of the last link on its +z, in the base frame for q (n,); shape (4, 4)."""
-    tip = inverse.flange(q).copy()
+    return _tip_of(inverse.flange(q), tool_length_m)
+
+
+def _tip_of(flange: FloatArray, tool_length_m: float) -> FloatArray:
+    """Pose of the tool tip for that of the last link, shape (4, 4)."""
+    tip = flange.copy()
     tip[:3, 3] += tool_length_m * tip[:3, 2]
     return tip
 
@@ -52,14 +58,17 @@ def straight_line(
     checks.vector("straight_line: tool_length_m", [tool_length_m], 1)
     q_start = checks.vector("straight_line: q_start", q_start, len(descent.lower))
     base_from_tip = checks.rigid("straight_line: base_from_tip", base_from_tip)
-    first = tip_pose(inverse, q_start, tool_length_m)
-    way_m = float(np.linalg.norm(base_from_tip[:3, 3] - first[:3, 3]))
+    flange = inverse.flange(q_start)
+    first = _tip_of(flange, tool_length_m)
+    way = base_from_tip[:3, 3] - first[:3, 3]
+    way_m = math.sqrt(way.dot(way))
     if way_m > _MOST_M:
         return None
-    turn_rad = float(np.arccos(np.clip((np.trace(first[:3, :3].T @ base_from_tip[:3, :3]) - 1.0) / 2.0, -1.0, 1.0)))
-    n_steps = max(2, int(np.ceil(way_m / STEP_M)), int(np.ceil(turn_rad / STEP_RAD)))
+    cosine = float(((first[:3, :3].T @ base_from_tip[:3, :3]).trace() - 1.0) / 2.0)
+    turn_rad = float(np.arccos(min(max(cosine, -1.0), 1.0)))
+    n_steps = max(2, math.ceil(way_m / STEP_M), math.ceil(turn_rad / STEP_RAD))
     if isinstance(inverse, SrsGeometry):
-        return cartesian_line(inverse, q_start, base_from_tip, n_steps, tool_length_m=tool_length_m)
+        return line_between(inverse, q_start, flange, base_from_tip, n_steps, tool_length_m)
     return _by_descent(descent, q_start, first, base_from_tip, n_steps, tool_length_m)
 
 
@@ -74,7 +83,7 @@ def _by_descent(
         pose[:3, :3] = turn
         pose[:3, 3] = first[:3, 3] + part * (last[:3, 3] - first[:3, 3]) - tool_m * pose[:3, 2]
         q = descent.ik_near(pose, path[-1])
-        if q is None or np.abs(q - path[-1]).max() > _MAX_JOINT_STEP_RAD:
+        if q is None or np.abs(q - path[-1]).max() > MAX_JOINT_STEP_RAD:
             return None
         path.append(q)
     return np.array(path)

@@ -47,9 +47,7 @@ class Trajectory:
                 f"Trajectory: t {self.t.shape}, q {self.q.shape}, qd {self.qd.shape}; valid: (k,) and twice (k, n)"
             )
         # Samples are found by their number, so that other times would lead beyond the arrays.
-        steps_s = np.diff(self.t)
-        equal = k == 1 or (steps_s.min() > 0.0 and np.ptp(steps_s) < _UNEQUAL * steps_s.max())
-        if self.t[0] != 0.0 or not equal:
+        if self.t[0] != 0.0 or not _are_equal_steps(np.ascontiguousarray(self.t, dtype=np.float64)):
             raise PlanningError(f"Trajectory: t {self.t}; valid: times from 0 in equal steps")
 
     @cached_property
@@ -78,6 +76,18 @@ class Trajectory:
         state = np.empty((2, self.q.shape[1]))
         interpolate(self.t, self.q, self.qd, time_s, state)
         return state[0], state[1]
+
+
+@kernel
+def _are_equal_steps(t: FloatArray) -> bool:
+    """Whether times ascend in steps that are all but equal."""
+    least, most = np.inf, 0.0
+    for i in range(1, len(t)):
+        step = t[i] - t[i - 1]
+        if not step > 0.0:
+            return False
+        least, most = min(least, step), max(most, step)
+    return bool(len(t) == 1 or most - least < _UNEQUAL * most)
 
 
 @kernel
@@ -120,6 +130,35 @@ def _cells(path: FloatArray, deviation: float) -> tuple[FloatArray, FloatArray, 
     size, point, tangent, curve = np.empty(m), np.empty((m, n)), np.empty((m, n)), np.empty((m, n))
     _fill_cells(path, unit, cut, straight, lines, size, point, tangent, curve)
     return size, point, tangent, curve
+
+
+@kernel
+def _merged(path: FloatArray) -> FloatArray:
+    """The corners of a path without those that equal the one before, (m, n)."""
+    kept = np.empty_like(path)
+    kept[0] = path[0]
+    m = 1
+    for i in range(1, len(path)):
+        if _norm(path[i] - path[i - 1]) > _SAME_RAD:
+            kept[m] = path[i]
+            m += 1
+    return kept[:m].copy()
+
+
+@kernel
+def _bound_speeds(path: FloatArray, max_velocity: FloatArray, max_acceleration: FloatArray) -> float:
+    """Lower the limits that no joint can reach on a path; returns the longest way of a joint [rad].
+
+    From rest to rest no joint gets a tenth as fast; the kernels are as exact as the largest speed is small.
+    """
+    longest = 0.0
+    for j in range(path.shape[1]):
+        way = 0.0
+        for i in range(1, len(path)):
+            way += abs(path[i, j] - path[i - 1, j])
+        longest = max(longest, way)
+        max_velocity[j] = min(max_velocity[j], 10.0 * np.sqrt(max_acceleration[j] * max(way, 1.0)))
+    return longest
 
 
 @kernel
@@ -292,6 +331,22 @@ def _sampled(
     return means[0], means[1]
 
 
+@kernel
+def _timed(
+    path: FloatArray,
+    deviation: float,
+    max_velocity: FloatArray,
+    max_acceleration: FloatArray,
+    fine_dt: float,
+    per_sample: int,
+    width: int,
+) -> tuple[FloatArray, FloatArray]:
+    """Positions and velocities of the fastest motion along a path, as `_sampled` gives them."""
+    size, point, tangent, curve = _cells(path, deviation)
+    speed = _speeds(size, tangent, curve, max_velocity, max_acceleration)
+    return _sampled(path, size, point, tangent, curve, speed, fine_dt, per_sample, width)
+
+
 def retime(
     path: npt.ArrayLike,
     max_velocity: npt.ArrayLike,
@@ -327,34 +382,30 @@ def retime(
         constant curvature; corner arcs in the spirit of Kunz and Stilman, RSS 2012.
     """
     corners = checks.floats("retime: path", path)
-    if corners.ndim != 2 or len(corners) == 0 or not np.all(np.isfinite(corners)):
+    if corners.ndim != 2 or len(corners) == 0 or not np.isfinite(corners).all():
         raise PlanningError(f"retime: path of shape {corners.shape}; valid: finite values (k, n) with k >= 1")
     n = corners.shape[1]
     velocity = checks.floats("retime: max_velocity", max_velocity)
     acceleration = checks.floats("retime: max_acceleration", max_acceleration)
     for name, limit in (("max_velocity", velocity), ("max_acceleration", acceleration)):
-        if limit.shape != (n,) or not np.all(limit > 0):
+        if limit.shape != (n,) or not (limit > 0).all():
             raise PlanningError(f"retime: {name} {limit}; valid: {n} values > 0")
-    if not np.all(np.isfinite(acceleration)):
+    if not np.isfinite(acceleration).all():
         raise PlanningError(f"retime: max_acceleration {acceleration}; valid: finite values")
     dt_s = checks.positive("retime: dt_s", dt_s)
     checks.positive("retime: max_deviation_rad", max_deviation_rad)
     checks.positive("retime: smoothing_s", smoothing_s, zero=True)
-    moved = np.linalg.norm(np.diff(corners, axis=0), axis=1) > _SAME_RAD
-    corners = np.ascontiguousarray(corners[np.concatenate([[True], moved])])
+    corners = _merged(corners)
     if len(corners) == 1:
-        return Trajectory(t=np.zeros(1), q=corners.copy(), qd=np.zeros((1, n)))
-    turned = np.abs(np.diff(corners, axis=0)).sum(axis=0)
-    if turned.max() > _LONGEST_RAD:
-        raise PlanningError(f"retime: a path of {turned.max()} rad in one joint; valid: at most {_LONGEST_RAD}")
-    # From rest to rest no joint gets a tenth as fast; the kernels are as exact as the largest speed is small.
-    velocity = np.minimum(velocity, 10.0 * np.sqrt(acceleration * np.maximum(turned, 1.0)))
+        return Trajectory(t=np.zeros(1), q=corners, qd=np.zeros((1, n)))
+    velocity = velocity.copy()
+    turned = _bound_speeds(corners, velocity, acceleration)
+    if turned > _LONGEST_RAD:
+        raise PlanningError(f"retime: a path of {turned} rad in one joint; valid: at most {_LONGEST_RAD}")
     per_sample = max(1, int(np.ceil(dt_s / _FINE_DT_S)))
     fine_dt = dt_s / per_sample
     width = max(1, round(smoothing_s / fine_dt))
-    cells = _cells(corners, max_deviation_rad)
-    speed = _speeds(cells[0], cells[2], cells[3], velocity, acceleration)
-    q, qd = _sampled(corners, *cells, speed, fine_dt, per_sample, width)
+    q, qd = _timed(corners, max_deviation_rad, velocity, acceleration, fine_dt, per_sample, width)
     if len(q) == 0:
         raise PlanningError(
             f"retime: limits {velocity} and {acceleration} with samples of {dt_s} s and {smoothing_s} s of smoothing; "

@@ -5,10 +5,13 @@ from __future__ import annotations
 import re
 from typing import Any
 
+import numpy as np
 import pytest
 
 from fleet.config import AllocationConfig, BatteryConfig
 from fleet.dispatch import allocation
+from fleet.dispatch.allocation import _why_given
+from fleet.dispatch.cost_model import CostMatrix
 from fleet.missions.phases import CarPhase
 from fleet.tasks.board import TaskState
 from fleet.tasks.order import Ability
@@ -86,6 +89,31 @@ def test_costs_of_the_choice_and_of_the_next_cars_are_told() -> None:
     assert found is not None, why
     own, *others = map(float, found.groups())
     assert own <= others[0] <= others[1]
+
+
+@pytest.mark.parametrize(
+    ("cost_s", "told"),
+    [
+        ([5.0, 3.0, 4.0, 4.0], " (others: car_2 4.0 s, car_3 4.0 s)"),
+        ([4.0, 4.0, 3.0, 4.0], " (others: car_2 3.0 s, car_0 4.0 s)"),
+        ([np.inf, 3.0, np.inf, 9.0], " (others: car_3 9.0 s)"),
+        ([np.inf, 3.0, np.inf, np.inf], ""),
+    ],
+)
+def test_of_others_the_cheapest_are_told_and_of_equal_ones_the_first(cost_s: list[float], told: str) -> None:
+    costs = CostMatrix(
+        now_s=0.0,
+        tasks=[],
+        cars=np.arange(4),
+        cost_s=np.array(cost_s)[:, None],
+        codes=np.zeros((4, 1), dtype=np.int8),
+        pressure_s=np.zeros(1),
+        states=np.zeros(4, dtype=np.int32),
+        free_s=np.zeros(4),
+    )
+    own = f"{cost_s[1]:.1f}"
+    assert _why_given(costs, 1, 0) == f"car_1 was the allocator's choice, its cost is {own} s{told}"
+    assert costs.cost_s[:, 0].tolist() == cost_s, "what tasks cost stays as it is"
 
 
 def test_without_tasks_nothing_is_given_out() -> None:

@@ -96,11 +96,13 @@ def test_a_burst_of_noise_is_not_believed(factor: float) -> None:
     for _ in range(40):
         estimator.update(truth, still, still)
         assert not estimator.in_doubt.any()
+        assert not estimator.any_in_doubt
     for car in range(n_cars):
         estimator.blur(car, factor)
     off_m, in_doubt = [], []
     for _ in range(100):
         off_m.append(np.hypot(*estimator.update(truth, still, still)[:, :2].T))
         in_doubt.append(estimator.in_doubt)
+        assert estimator.any_in_doubt == estimator.in_doubt.any()
     assert np.mean(np.array(off_m) < 0.05) > 0.9  # a measurement is off by 0.06 m and more
     assert np.mean(in_doubt) > 0.3

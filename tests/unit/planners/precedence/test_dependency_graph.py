@@ -52,6 +52,23 @@ def test_moves_are_granted_and_finished_in_order() -> None:
     assert dependencies.granted_states().tolist() == [2]
 
 
+def test_where_grants_end_is_told_anew_after_each_of_them() -> None:
+    graph = open_grid(1, 5)
+    dependencies = with_plan(graph, [0], [1], [2], [3])
+    nowhere = np.zeros(graph.n_cells, dtype=np.bool_)
+    assert dependencies.granted_states().tolist() == [0]
+    dependencies.grant_all(1, nowhere)
+    assert dependencies.granted_states().tolist() == [1]
+    dependencies.grant(0)
+    assert dependencies.granted_states().tolist() == [2]
+    dependencies.halt(0)
+    dependencies.finish_all([0, 0])
+    dependencies.extend(plan_of([2], [3]))
+    assert dependencies.granted_states().tolist() == [2]
+    dependencies.relocate(0, 4)
+    assert dependencies.granted_states().tolist() == [4]
+
+
 def test_a_cell_is_entered_in_the_order_of_the_plan(crossing: LaneGraph) -> None:
     dependencies = with_plan(crossing, [0, 3], [1, 3], [2, 4], [2, 5])
     assert not dependencies.grantable(1), "the other agent comes first, though the cell is free"
