@@ -20,7 +20,7 @@ from fleet.envs.core.base import ActionError, EpisodeError
 from fleet.envs.core.versions import VersionError
 from fleet.envs.kuka_reach import TOLERANCE_M, KukaReachEnv, ReachPolicy
 from fleet.envs.navigate.car_navigate import CarNavigateEnv
-from fleet.envs.navigate.navigation import BRAKE_S, TOW_S, NavigationEnv, NavigationWeights
+from fleet.envs.navigate.navigation import BRAKE_S, TOW_S, NavigationEnv
 from fleet.envs.navigate.navigation_policy import PursuitPolicy
 from fleet.errors import ConfigError
 
@@ -162,22 +162,6 @@ def test_a_car_that_stands_off_its_lane_is_towed_after_a_while() -> None:
     env.close()
 
 
-def test_cars_with_less_grip_turn_less() -> None:
-    def turned(grip_mps2: float) -> float:
-        env = navigate_v1.parallel_env(n_cars=1, contact="pass", grip_mps2=grip_mps2)
-        env.reset(seed=1)
-        for _ in range(15):
-            env.step({"car_0": np.array([0.0, 1.0])})
-        before = env._world.car_poses()[0, 2]
-        for _ in range(3):
-            env.step({"car_0": np.array([1.0, 1.0])})
-        after = env._world.car_poses()[0, 2]
-        env.close()
-        return float(after - before)
-
-    assert 0.4 < turned(4.5) < 0.7 * turned(8.8)
-
-
 def test_knocks_come_from_the_seed_and_leave_the_places_alone() -> None:
     ends, goals = [], []
     for knocks_per_min in (0.0, 120.0, 120.0):
@@ -193,20 +177,17 @@ def test_knocks_come_from_the_seed_and_leave_the_places_alone() -> None:
 
 
 def test_two_cars_in_one_place_touch_and_pay_for_it() -> None:
-    env = navigate_v1.parallel_env(n_cars=2, weights=NavigationWeights(touching=-0.5))
-
-    def paid() -> list[tuple[float, float]]:
-        *_, infos = env.step({})
-        return [(info["touch"], info["touching"]) for info in infos.values()]
-
+    env = navigate_v1.parallel_env(n_cars=2)
     env.reset(seed=0)
     poses = env._world.car_poses()
     env._world.push_car(1, *(0.78 * (poses[0] - poses[1])).tolist())
-    assert paid() == [(-3.0, 0.0)] * 2
-    assert paid() == [(0.0, -0.5)] * 2, "a touch that lasts counts once, and its further steps"
+    *_, infos = env.step({})
+    assert all(info["touch"] == env._weights.touch for info in infos.values())
+    *_, infos = env.step({})
+    assert all(info["touch"] == 0.0 for info in infos.values()), "a touch that lasts counts once"
     env._world.push_car(1, *(0.78 * (poses[1] - poses[0])).tolist())
-    assert paid() == [(0.0, 0.0)] * 2
-    env.close()
+    *_, infos = env.step({})
+    assert all(info["touch"] == 0.0 for info in infos.values())
 
 
 def test_cars_stop_at_each_other_unless_they_may_pass() -> None:
@@ -261,8 +242,6 @@ def test_what_cannot_be_made_legal_is_refused_and_the_episode_goes_on() -> None:
         ({"control_hz": float("nan")}, "control_hz is nan"),
         ({"n_cars": "2"}, "n_cars is '2'"),
         ({"knocks_per_min": -1.0}, "knocks_per_min is -1.0; valid: a number >= 0"),
-        ({"grip_mps2": 0.0}, "grip_mps2 is 0.0; valid: a number > 0"),
-        ({"grip_mps2": float("nan")}, "grip_mps2 is nan; valid: a number > 0"),
         ({"control_hz": "x"}, "control_hz is 'x'"),
         ({"control_hz": True}, "control_hz is True"),
         ({"max_cycles": True}, "max_cycles is True"),

@@ -35,8 +35,7 @@ Of another car:
 | 13-14 | where the ways of both meet: the own way to there / 3 m, its way to there / 3 m; 1 each if not within 3 m |
 | 15 | whether its number is lower (0 or 1): something by which agents can agree who goes first |
 
-With `knocks_per_min` cars are knocked off their courses now and then, so that agents learn to come back; with less
-`grip_mps2` they slide wider without physics, for the same reason.
+With `knocks_per_min` cars are knocked off their courses now and then, so that agents learn to come back.
 
 Rewards: the sum of the terms in `NavigationWeights`; `infos[agent]` holds each weighted term, and `places` and `touches`,
 the numbers of places that were reached and of touches that began in this step. `state()` is all observations, one after the other.
@@ -108,9 +107,6 @@ class NavigationWeights:
     """Per place reached."""
     touch: float = -3.0
     """Per time the car begins to touch another; a touch that lasts counts once."""
-    touching: float = 0.0
-    """Per further step of a touch: where only its begin costs something, cars that touch stand, so as not to begin
-    another."""
     off_lane: float = -0.05
     """Per step off the lane."""
     towed: float = -2.0
@@ -120,7 +116,7 @@ class NavigationWeights:
         check_weights(self)
 
 
-TERMS = ("progress", "place", "touch", "touching", "off_lane", "towed")
+TERMS = ("progress", "place", "touch", "off_lane", "towed")
 """Names of the terms."""
 
 
@@ -144,9 +140,6 @@ class NavigationConfig(RecordedEnvConfig):
     """`kinematic` or `physics`."""
     contact: str = STOP
     """What a collision does in fidelity `kinematic`: `stop` or `pass`, see `fleet.world.kinematic.KinematicConfig`."""
-    grip_mps2: float = TYRE_GRIP_MPS2
-    """Greatest sideways acceleration of cars without physics [m/s^2]; less of it, for training, lets them slide wide as
-    they do in physics when their wheels are steered to their stops at full speed."""
     knocks_per_min: float = 0.0
     """Times per minute that each car is knocked off its course: by up to `KNOCK_M` and `KNOCK_RAD`, for training."""
     control_hz: float = 10.0
@@ -163,8 +156,6 @@ class NavigationConfig(RecordedEnvConfig):
         require(cars_ok, "n_cars", self.n_cars, f"1 to {n_spots} on site {self.place.name}")
         require(self.fidelity in FIDELITIES, "fidelity", self.fidelity, ", ".join(FIDELITIES))
         require(self.contact in CONTACTS, "contact", self.contact, ", ".join(CONTACTS))
-        grip_ok = is_number(self.grip_mps2) and self.grip_mps2 > 0
-        require(grip_ok, "grip_mps2", self.grip_mps2, "a number > 0")
         knocks_ok = is_number(self.knocks_per_min) and self.knocks_per_min >= 0
         require(knocks_ok, "knocks_per_min", self.knocks_per_min, "a number >= 0")
         hz_ok = is_number(self.control_hz) and self.control_hz > 0
@@ -311,7 +302,6 @@ class NavigationEnv(FleetEnv):
                 weights.progress * (self._paths.progress - before_m),
                 weights.place * reached,
                 weights.touch * touches,
-                weights.touching * (self._seen.touches & touched),
                 weights.off_lane * off_lane,
                 weights.towed * towed,
             )
@@ -447,7 +437,7 @@ def env(**settings: Any) -> Any:
 
 def _world_of(scene: Scene, graph: LaneGraph, config: NavigationConfig) -> World:
     if config.fidelity == Fidelity.KINEMATIC:
-        return KinematicWorld(scene, KinematicConfig(contact=config.contact, grip_mps2=config.grip_mps2))
+        return KinematicWorld(scene, KinematicConfig(contact=config.contact, grip_mps2=TYRE_GRIP_MPS2))
     return make_world(scene, graph, RunConfig(site=config.site, robots=config.n_cars, fidelity=Fidelity.PHYSICS))
 
 
