@@ -154,6 +154,7 @@ def cartesian_line(
     *,
     tool_length_m: float = 0.0,
     max_joint_step_rad: float = MAX_JOINT_STEP_RAD,
+    flange: FloatArray | None = None,
 ) -> FloatArray | None:
     """Joint path along which the tool tip moves on a straight line, turning at a constant rate.
 
@@ -167,6 +168,7 @@ def cartesian_line(
         n_steps: Number of way points after the start, >= 1.
         tool_length_m: From the last link frame to the tip along +z [m]; 0 moves the last link frame itself.
         max_joint_step_rad: Largest change of any joint between way points [rad].
+        flange: Pose of the last link at the start, shape (4, 4), where it is known.
 
     Returns:
         Configurations [rad], shape (n_steps + 1, 7), the first being `q_start`; None if the line leaves the reach or
@@ -179,22 +181,10 @@ def cartesian_line(
     goal = checks.rigid("cartesian_line: base_from_goal", base_from_goal)
     checks.whole("cartesian_line: n_steps", n_steps, 1, _MOST_STEPS)
     step_rad = checks.positive("cartesian_line: max_joint_step_rad", max_joint_step_rad)
-    return line_between(srs, start, srs.flange(start), goal, n_steps, tool_length_m, step_rad)
-
-
-def line_between(
-    srs: SrsGeometry,
-    start: FloatArray,
-    first: FloatArray,
-    goal: FloatArray,
-    n_steps: int,
-    tool_length_m: float,
-    max_joint_step_rad: float = MAX_JOINT_STEP_RAD,
-) -> FloatArray | None:
-    """As `cartesian_line`, of what was checked, and with the pose of the last link at the start, shape (4, 4)."""
     if not ((start >= srs.lower) & (start <= srs.upper)).all():
         return None
     fraction = np.arange(1, n_steps + 1) / n_steps
+    first = srs.flange(start) if flange is None else flange
     tip = first[:3, 3] + tool_length_m * first[:3, 2]
     poses = np.zeros((n_steps, 3, 4))
     poses[:, :, :3] = turned(np.ascontiguousarray(first[:3, :3]), np.ascontiguousarray(goal[:3, :3]), fraction)
@@ -209,4 +199,4 @@ def line_between(
     path = np.empty((n_rows, len(start)))
     path[0] = start
     arm = _Arm(packed=srs.packed, lower=srs.lower, upper=srs.upper)
-    return path if _follow(arm, poses, angle, branch, max_joint_step_rad, chains, path) else None
+    return path if _follow(arm, poses, angle, branch, step_rad, chains, path) else None

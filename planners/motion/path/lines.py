@@ -11,7 +11,7 @@ from planners.motion.arm.ik import SrsGeometry
 from planners.motion.arm.ik_numeric import NumericInverse
 from planners.motion.arm.inverse import InverseKinematics
 from planners.motion.arrays import FloatArray
-from planners.motion.path.cartesian import MAX_JOINT_STEP_RAD, line_between, turned
+from planners.motion.path.cartesian import MAX_JOINT_STEP_RAD, cartesian_line, turned
 
 STEP_M = 0.01
 """Distance of the inverse-kinematics points of a line."""
@@ -68,7 +68,7 @@ def straight_line(
     turn_rad = float(np.arccos(min(max(cosine, -1.0), 1.0)))
     n_steps = max(2, math.ceil(way_m / STEP_M), math.ceil(turn_rad / STEP_RAD))
     if isinstance(inverse, SrsGeometry):
-        return line_between(inverse, q_start, flange, base_from_tip, n_steps, tool_length_m)
+        return cartesian_line(inverse, q_start, base_from_tip, n_steps, tool_length_m=tool_length_m, flange=flange)
     return _by_descent(descent, q_start, first, base_from_tip, n_steps, tool_length_m)
 
 
