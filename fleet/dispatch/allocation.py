@@ -234,16 +234,9 @@ class TaskAllocation:
 
 def _why_given(costs: CostMatrix, car: int, column: int) -> str:
     """Why a car gets the task of a column, in words: what it costs the car, and the others that it costs least."""
-    cost_s = costs.cost_s[:, column].copy()
-    cheapest: list[str] = []
-    for _ in range(min(OTHERS_TOLD + 1, len(cost_s))):
-        k = int(cost_s.argmin())
-        if cost_s[k] == np.inf:
-            break
-        if costs.cars[k] != car:
-            cheapest.append(f"car_{costs.cars[k]} {cost_s[k]:.1f} s")
-        cost_s[k] = np.inf
-    others = cheapest[:OTHERS_TOLD]
+    cost_s = costs.cost_s[:, column]
+    order = [k for k in np.argsort(cost_s, kind="stable")[: OTHERS_TOLD + 1].tolist() if np.isfinite(cost_s[k])]
+    others = [f"car_{costs.cars[k]} {cost_s[k]:.1f} s" for k in order if costs.cars[k] != car][:OTHERS_TOLD]
     beside = f" (others: {', '.join(others)})" if others else ""
     return f"car_{car} was the allocator's choice, its cost is {costs.of_pair(car, column):.1f} s{beside}"
 

@@ -160,9 +160,8 @@ class Offers:
     def _best_source(self, task: Task, turns: TakenTurns) -> str:
         """The pick station from which a task would be done soonest; of equal ones, the first that was named."""
         picks = task.delivery.picks
-        if len(picks) == 1:
-            return picks[0]
-        picks = tuple(name for name in picks if self._stations.is_open(name)) or picks
+        if len(picks) > 1:
+            picks = tuple(name for name in picks if self._stations.is_open(name)) or picks
         if len(picks) == 1:
             return picks[0]
         drop = self._stations.named(task.delivery.drop)

@@ -89,8 +89,8 @@ class MultiStepControllerConfig:
 
     length: int = 4
     """Timesteps of an operation; two more where there is room for long ones, and on floors too large for exact costs
-    one less. Where a step may take long they do not get shorter, but one longer where a floor is laid out in streets;
-    in a cave twice as many begin in each state; what they are worth there was not measured."""
+    one less. Where a step may take long they are as long as told in caves, and one longer where a floor is laid out in
+    streets: in a cave twice as many would begin in each state, and what that is worth was not measured."""
     most_tries: int = 3000
     """Operations that a chain of pushes tries before it gives up."""
     rounds: int = 40

@@ -163,7 +163,7 @@ class DependencyGraph:
         n_visits = int((q.swept_ptr[move + 1] - q.swept_ptr[move]).sum())
         self._q = with_room(q, int((q.queued - q.finished + new).max(initial=0)), n_visits)
         append(self._q, steps.timestep, steps.agent, move)
-        self._tails = self._granted_tails = self._held_up = None
+        self._replanned()
 
     def commit_cut(self, lookahead: int) -> IntArray:
         """Keep the next few moves of each agent and drop the rest, to plan anew from where they end.
@@ -227,7 +227,7 @@ class DependencyGraph:
                 f"dependency graph: the next move of agent {agent} must not start, it waits for (agent, cell) "
                 f"{self.blockers(agent)}; valid: only a grantable agent"
             )
-        self._granted_tails = self._held_up = None
+        self._moved()
         return int(start(self._q, agent))
 
     def grant_all(self, most: int, closed: BoolArray) -> tuple[IntArray, IntArray]:
@@ -243,7 +243,7 @@ class DependencyGraph:
         agents = np.empty(self.n_agents * most, dtype=np.int32)
         moves = np.empty_like(agents)
         count = start_all(self._q, most, closed, agents, moves)
-        self._granted_tails = self._held_up = None
+        self._moved()
         return agents[:count], moves[:count]
 
     def grant_behind(self) -> int:
@@ -252,7 +252,7 @@ class DependencyGraph:
         Both hold the cell until the leader has left it, so only for agents that are kept apart while they move: the
         follower must not be faster than its leader.
         """
-        self._granted_tails = self._held_up = None
+        self._moved()
         return start_behind(self._q, self._graph.state_heading)
 
     def finish(self, agent: int) -> int:
@@ -266,7 +266,7 @@ class DependencyGraph:
         """
         if self._q.finished[agent] == self._q.granted[agent]:
             raise ExecutionError(f"dependency graph: agent {agent} has no granted move; valid: finish what was granted")
-        self._granted_tails = self._held_up = None
+        self._moved()
         return int(end(self._q, agent))
 
     def finish_all(self, agents: npt.ArrayLike) -> None:
@@ -275,7 +275,7 @@ class DependencyGraph:
         Raises:
             ExecutionError: No move is granted; the agents before are done.
         """
-        self._granted_tails = self._held_up = None
+        self._moved()
         in_turn = np.asarray(agents, dtype=np.int32)
         done = end_all(self._q, in_turn)
         if done < len(in_turn):
@@ -336,7 +336,7 @@ class DependencyGraph:
         Returns:
             Whether the agent's next move is grantable now; if not, nothing is changed.
         """
-        self._granted_tails = self._held_up = None
+        self._moved()
         return self.n_queued(agent) > 0 and go_first(self._q, agent, late)
 
     def held_cells(self, agent: int) -> list[int]:
@@ -376,14 +376,14 @@ class DependencyGraph:
         for cell in wanted - reserved:
             hold(self._q, agent, cell)
         reserved |= wanted
-        self._granted_tails = self._held_up = None
+        self._moved()
         return True
 
     def unreserve(self, agent: int) -> None:
         """Give back all that the agent has reserved."""
         for cell in self._reserved.pop(agent, ()):
             let_go(self._q, cell)
-        self._granted_tails = self._held_up = None
+        self._moved()
 
     def halt(self, agent: int) -> None:
         """Drop the agent's queued moves, and those of others that wait for them or lead through a cell it holds.
@@ -427,9 +427,18 @@ class DependencyGraph:
         q.finished[agent] = q.granted[agent]
         let_go(q, q.state_cell[q.state[agent]])
         q.state[agent] = state
-        self._tails = self._granted_tails = self._held_up = None
+        self._replanned()
 
     # --- internals
+
+    def _moved(self) -> None:
+        """Forget what follows from what is granted and held: some of it has changed."""
+        self._granted_tails = self._held_up = None
+
+    def _replanned(self) -> None:
+        """Forget what follows from the queued moves, too."""
+        self._tails = None
+        self._moved()
 
     def _known_held_up(self) -> BoolArray:
         if self._held_up is None:
@@ -442,7 +451,7 @@ class DependencyGraph:
         shut = self._nowhere.copy()
         shut[list(closed)] = True
         cut_off(self._q, run_through(self._q, limits, shut))
-        self._tails = self._granted_tails = self._held_up = None
+        self._replanned()
 
     def _granted(self, agent: int) -> list[int]:
         """Granted moves in order."""

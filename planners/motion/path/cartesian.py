@@ -181,7 +181,7 @@ def cartesian_line(
     goal = checks.rigid("cartesian_line: base_from_goal", base_from_goal)
     checks.whole("cartesian_line: n_steps", n_steps, 1, _MOST_STEPS)
     step_rad = checks.positive("cartesian_line: max_joint_step_rad", max_joint_step_rad)
-    if not ((start >= srs.lower) & (start <= srs.upper)).all():
+    if not srs.within_limits(start):
         return None
     fraction = np.arange(1, n_steps + 1) / n_steps
     first = srs.flange(start) if flange is None else flange
