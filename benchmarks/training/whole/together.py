@@ -1,8 +1,8 @@
 """Together: cars and arms that were trained apart play `cell`, in physics, and no classical controller drives them.
 
 Cars brake where their grants end, and stand while they are served, whatever their policy says (`grants_hold`). The
-policies are those of `runs/learning/<recipe>/<seed>`; `serve_physics` starts from `serve`, seed by seed. Where no
-arm was trained the arms' script plays, and the row has no target.
+policies are those of `runs/learning/<recipe>/<seed>`. Where no arm was trained the arms' script plays, and the row
+has no target.
 """
 
 from __future__ import annotations
