@@ -206,9 +206,9 @@ SERVE = Recipe(
     stages=(TrainingStage(name="beside cars", mix=(_ANYHOW, {}, _SHIFT)),),
 )
 
-# Without physics nothing stops an arm, and what PPO learns there goes through parcels. The script decides by what an arm
-# sees, so it can be asked wherever arms come to by themselves; with little noise, as they stand for ever where nobody
-# ever was.
+# Without physics nothing stops an arm, and what PPO learns there goes through parcels. The script decides by what an
+# arm sees, so it can be asked wherever arms come to by themselves. Noise is little, as it is none when they play: with
+# much of it they never learn what to do where they would stand for ever.
 SERVE_PHYSICS = replace(
     SERVE,
     summary="arms serve cars in physics as the script shows them, wherever they have come to",
