@@ -100,9 +100,8 @@ def _compare(console: Console, recorded: dict[str, Any], played: Any) -> int:
         for part in parts:
             _say(console, f"    {part}")
         wrong += bool(parts)
-    others = {
-        name: version for name, version in recorded.get("versions", {}).items() if _versions().get(name) != version
-    }
+    versions = _versions()
+    others = {name: version for name, version in recorded.get("versions", {}).items() if versions.get(name) != version}
     if wrong and others:
         told = ", ".join(f"{name} {version}" for name, version in others.items())
         _say(console, f"it was recorded with: {told}")

@@ -220,7 +220,6 @@ SERVE_PHYSICS = replace(
         clone_own=0.75,
         log_std=-2.5,
         learning_rate_end=1e-4,
-        hidden=(128, 128),
     ),
     stages=(TrainingStage(name="shown", mix=({**_SHIFT, **_PHYSICS}, {**_ANYHOW, **_PHYSICS})),),
 )
