@@ -1,10 +1,11 @@
 """Collisions: bodies of cars that overlap each other or a box are set apart and lose the speed into it.
 
-A stand-in for contact where there is no physics. Body are rectangles in the plane, boxes are their footprints.
+A stand-in for contact where there is no physics. Bodies are rectangles in the plane, boxes are their footprints.
 Two cars each give way by half, along the axis on which they overlap least (separating axes); beside a box the car
 alone gives way. What is left is an overlap of `SLOP_M`, so that bodies which press on each other count as
 touching. A car that drives into a body keeps of its speed only the part along that body's side, less Coulomb's
-friction; one that drives away is free to, so nothing stays stuck that could drive off.
+friction; one that drives away is free to, so nothing stays stuck that could drive off. If asked, friction also holds
+the nose of a car that it brings to a stand: the car neither slides nor turns there.
 
 Source: C. Ericson, "Real-Time Collision Detection", 2005, section 4.4.1 (separating axes); slop and corrected positions
 as in E. Catto, "Iterative Dynamics with Temporal Coherence", GDC 2005.
@@ -14,6 +15,7 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 from numba import njit
 
 from fleet.arrays import FloatArray
@@ -23,6 +25,8 @@ SLOP_M = 0.001
 """Overlap that stays [m]."""
 FRICTION = 0.5
 """Of bodies on each other: speed lost along a side, as a share of that lost into it."""
+NOT_HELD: FloatArray = np.empty((0, 3))
+"""Poses before a tick in which friction holds no nose."""
 N_PASSES = 2
 """Passes over all pairs in a tick: one car may be pushed into the next."""
 SHOVE_GAP_M = 0.02
@@ -33,7 +37,7 @@ N_SHOVES = 40
 
 @njit(cache=True)
 def set_apart(
-    poses: FloatArray, speeds: FloatArray, bodies: Body, boxes: BinnedBoxes
+    poses: FloatArray, speeds: FloatArray, bodies: Body, boxes: BinnedBoxes, before: FloatArray
 ) -> None:  # pragma: no cover - compiled
     """Set cars apart, in place, and slow down those that drive into something.
 
@@ -42,6 +46,7 @@ def set_apart(
         speeds: Along the cars' headings [m/s], shape (n,).
         bodies: What cars look like.
         boxes: What stands on the floor.
+        before: Poses at the beginning of the tick, for noses to be held, shape (n, 3); shape (0, 3) for none to be.
     """
     shift, length, width, _, circles, _ = bodies
     for _ in range(N_PASSES):
@@ -64,10 +69,11 @@ def set_apart(
                 poses[j, 0] -= way * nx
                 poses[j, 1] -= way * ny
                 xi, yi = xi + way * nx, yi + way * ny
-                speeds[i] = _along(speeds[i], ci * nx + si * ny)
-                speeds[j] = _along(speeds[j], -cj * nx - sj * ny)
+                _slow_down(poses, speeds, j, -cj * nx - sj * ny, (nx, ny), before)
+                if _slow_down(poses, speeds, i, ci * nx + si * ny, (nx, ny), before):
+                    xi, yi, ci, si = _frame(poses, i, shift[i])
         for i in range(len(poses)):
-            _leave_boxes(poses, speeds, i, bodies, boxes)
+            _leave_boxes(poses, speeds, i, bodies, boxes, before)
 
 
 @njit(cache=True)
@@ -128,6 +134,28 @@ def _along(speed: float, into: float) -> float:  # pragma: no cover - compiled
 
 
 @njit(cache=True)
+def _slow_down(
+    poses: FloatArray, speeds: FloatArray, car: int, into: float, out: tuple[float, float], before: FloatArray
+) -> bool:  # pragma: no cover - compiled
+    """Take a car's speed into a body; returns whether friction holds its nose there.
+
+    Args:
+        into: Cosine between the car's heading and the way out of the body.
+        out: The way out of the body, x, y.
+        before: See `set_apart`.
+    """
+    speed = _along(speeds[car], into)
+    is_held = len(before) > 0 and speed == 0.0 and speeds[car] != 0.0
+    if is_held:
+        x, y = poses[car, 0] - before[car, 0], poses[car, 1] - before[car, 1]
+        nearer = x * out[0] + y * out[1]
+        poses[car, 0], poses[car, 1] = before[car, 0] + nearer * out[0], before[car, 1] + nearer * out[1]
+        poses[car, 2] = before[car, 2]
+    speeds[car] = speed
+    return is_held
+
+
+@njit(cache=True)
 def _overlap(
     places: tuple[float, float, float, float, float, float], al: float, aw: float, bl: float, bw: float
 ) -> tuple[float, float, float]:  # pragma: no cover - compiled
@@ -157,7 +185,7 @@ def _overlap(
 
 @njit(cache=True)
 def _leave_boxes(
-    poses: FloatArray, speeds: FloatArray, car: int, bodies: Body, bins: BinnedBoxes
+    poses: FloatArray, speeds: FloatArray, car: int, bodies: Body, bins: BinnedBoxes, before: FloatArray
 ) -> None:  # pragma: no cover - compiled
     """Push one car out of the boxes in its bins."""
     boxes, _, bin_ptr, bin_box, n_x, n_y = bins
@@ -179,4 +207,5 @@ def _leave_boxes(
                 poses[car, 0] += way * nx
                 poses[car, 1] += way * ny
                 x, y = x + way * nx, y + way * ny
-                speeds[car] = _along(speeds[car], cos * nx + sin * ny)
+                if _slow_down(poses, speeds, car, cos * nx + sin * ny, (nx, ny), before):
+                    x, y, cos, sin = _frame(poses, car, bodies.shift[car])

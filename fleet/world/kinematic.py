@@ -18,6 +18,7 @@ from fleet.robots.twist.motion import TwistMotion
 from fleet.sensors.camera import Camera, CameraImage
 from fleet.sensors.errors import SensorError
 from fleet.world.arms import ServoArms
+from fleet.world.collisions import NOT_HELD
 from fleet.world.parcels import ParcelSnapshot, PlanarParcels
 from fleet.world.pods import PlanarPods, PlanarPodsSnapshot
 from fleet.world.protocol import TOOL_FAILED, Contacts, ParcelBody
@@ -35,7 +36,7 @@ _LIMITS = (
     "max_steering_rad",
     "max_steering_rate_radps",
 )
-PASS, STOP = CONTACTS = ("pass", "stop")
+PASS, STOP, HOLD = CONTACTS = ("pass", "stop", "hold")
 """What collisions do in a kinematic world."""
 
 
@@ -191,22 +192,21 @@ class PlanarSnapshot:
 class PlanarWorld:
     """A `World` without physics; only the way its cars move is left open.
 
-    Contacts and clearances are judged at the end of each tick, by geometry. Nothing is stopped by them, unless cars are
-    `solid`.
+    Contacts and clearances are judged at the end of each tick, by geometry. What they do to cars is the `contact`.
 
     Args:
         scene: The world at the start.
         cars: Moves the cars.
         tick_s: Length of one tick [s].
-        solid: Whether cars stop at each other and at boxes; arms and parcels never stop them.
+        contact: What a collision with a car or a box does, see `KinematicConfig`; arms and parcels stop nothing.
     """
 
-    def __init__(self, scene: Scene, cars: CarMotion, tick_s: float, *, solid: bool = False) -> None:
+    def __init__(self, scene: Scene, cars: CarMotion, tick_s: float, *, contact: str = PASS) -> None:
         self.tick_s = tick_s
         self.n_cars = len(scene.car_start)
         self.n_arms = len(scene.arm_base)
         self._cars = cars
-        self._solid = solid
+        self._contact = contact
         self._arms = ServoArms(scene.arms, scene.arm_base, scene.arm_start, tick_s)
         self._parcels = PlanarParcels(scene.boxes, scene.cars, self.n_arms)
         self._failed = np.zeros(self.n_arms, dtype=np.bool_)
@@ -223,9 +223,10 @@ class PlanarWorld:
         valid = ((self.n_cars, 2), self._arms.q.shape, (self.n_arms,))
         if shapes != valid:
             raise CommandError(f"step: car_commands, arm_q, grip have shapes {shapes}; valid: {valid}")
+        before = self._cars.poses.copy() if self._contact == HOLD else NOT_HELD
         self._cars.step(car_commands)
-        if self._solid:
-            self._surroundings.set_apart(self._cars.poses, self._cars.speeds)
+        if self._contact != PASS:
+            self._surroundings.set_apart(self._cars.poses, self._cars.speeds, before)
         self._arms.step(arm_q)
         self._failed &= grip
         self._parcels.update(self._cars.poses, self._arms.tips, grip & ~self._failed)
@@ -384,7 +385,8 @@ class KinematicConfig:
     """Greatest sideways acceleration of cars [m/s^2]; that of tyres in physics is `TYRE_GRIP_MPS2`."""
     contact: str = PASS
     """`pass`: cars drive through each other and through walls, and only the touches are counted; `stop`: they are set
-    apart and lose their speed, see `fleet.world.collisions`."""
+    apart and lose their speed, see `fleet.world.collisions`; `hold`: and a nose that meets something head-on is held by
+    friction, so that its car has to reverse, as in physics."""
 
     def __post_init__(self) -> None:
         if self.contact not in CONTACTS:
@@ -410,7 +412,7 @@ class KinematicWorld(PlanarWorld):
         config = config or KinematicConfig()
         motion = BicycleCars if all(kind.steers for kind in scene.car_kinds) else UnlikeCars
         cars = motion(scene.cars, scene.car_start, config.tick_s, config.substep_s, config.grip_mps2)
-        super().__init__(scene, cars, config.tick_s, solid=config.contact == STOP)
+        super().__init__(scene, cars, config.tick_s, contact=config.contact)
 
     def place(self, car_poses: FloatArray, arm_q: FloatArray) -> None:
         """See `OpenWorld`."""

@@ -13,7 +13,7 @@ from fleet.arrays import BoolArray, FloatArray, IntArray
 from fleet.errors import FleetError
 from fleet.robots.twist.pod import POD
 from fleet.world.arms import ServoArms
-from fleet.world.collisions import set_apart, shove
+from fleet.world.collisions import NOT_HELD, set_apart, shove
 from fleet.world.scene import Scene
 from fleet.world.touches import BIN_M, FIRST_SHIFT, KIND_SHIFT, STATIC, ArmBalls, BinnedBoxes, Body, Touches, robots_of
 
@@ -177,14 +177,15 @@ class Surroundings:
         below[of_pods] = self._may_pass[(codes[of_pods] >> FIRST_SHIFT) & ((1 << FIRST_SHIFT) - 1)]
         return below
 
-    def set_apart(self, car_poses: FloatArray, car_speeds: FloatArray) -> None:
+    def set_apart(self, car_poses: FloatArray, car_speeds: FloatArray, before: FloatArray = NOT_HELD) -> None:
         """Set cars apart that overlap each other or a box, in place; see `fleet.world.collisions`.
 
         Args:
             car_poses: Rear-axle poses x, y, yaw, shape (n_cars, 3).
             car_speeds: Shape (n_cars,) [m/s].
+            before: Poses at the beginning of the tick, if friction is to hold noses, shape (n_cars, 3).
         """
-        set_apart(car_poses, car_speeds, self._bodies, self._boxes)
+        set_apart(car_poses, car_speeds, self._bodies, self._boxes, before)
 
     def shove(self, car_poses: FloatArray, car: int, way: FloatArray) -> None:
         """Push one car aside until something is in the way, in place; see `fleet.world.collisions.shove`."""

@@ -4,7 +4,8 @@ Every car has a stream of places to visit, drawn from the episode's seed and the
 there is the shortest along the lanes of the site; no car is given right of way: to keep clear of the others is the agents'
 own affair. A car that gets more than 0.8 m away from its way, or stands off its lane for three seconds, is out of its
 agent's hands for a second and a half: it brakes, is towed back to its way, and stands there. Cars stop at each other, at walls and at shelves, in fidelity
-`kinematic` too unless `contact` is `pass`: then they drive through each other, and only pay. An episode begins with all cars parked and is truncated for all after
+`kinematic` too unless `contact` is `pass`: then they drive through each other, and only pay. If it is `hold`, a nose
+that meets something head-on is held by friction, as in physics, and its car has to reverse. An episode begins with all cars parked and is truncated for all after
 `max_cycles` steps.
 
 Agents: `car_0`, `car_1`, ...
@@ -139,7 +140,8 @@ class NavigationConfig(RecordedEnvConfig):
     fidelity: str = "kinematic"
     """`kinematic` or `physics`."""
     contact: str = STOP
-    """What a collision does in fidelity `kinematic`: `stop` or `pass`, see `fleet.world.kinematic.KinematicConfig`."""
+    """What a collision does in fidelity `kinematic`: `pass`, `stop` or `hold`, see
+    `fleet.world.kinematic.KinematicConfig`."""
     knocks_per_min: float = 0.0
     """Times per minute that each car is knocked off its course: by up to `KNOCK_M` and `KNOCK_RAD`, for training."""
     control_hz: float = 10.0

@@ -106,12 +106,35 @@ def test_walls_stop_cars(hall: Scene) -> None:
     assert ends["pass"] > wall
 
 
+def test_friction_holds_a_nose_until_its_car_reverses(hall: Scene) -> None:
+    held, slides = (world_of(hall, [(7.0, 3.0, 0.1)], contact) for contact in ("hold", "stop"))
+    for world in (held, slides):
+        drive(world, [2.0], 60)
+    at_wall = held.car_poses()[0]
+    for world in (held, slides):
+        drive(world, [2.0], 60, steering=0.8)
+    assert held.car_poses()[0] == pytest.approx(at_wall, abs=0.005)
+    assert slides.car_poses()[0, 2] - at_wall[2] > 0.3
+    assert held.car_speeds()[0] == 0.0
+    drive(held, [-0.5], 30, steering=-0.5)
+    assert held.car_poses()[0, 0] < at_wall[0] - 0.2
+    assert held.car_poses()[0, 2] > at_wall[2] + 0.1
+
+
+def test_a_nose_that_meets_a_wall_askew_slides_along_it(hall: Scene) -> None:
+    world = world_of(hall, [(7.0, 3.0, 0.9)], "hold")
+    drive(world, [1.0], 60)
+    at_wall = world.car_poses()[0]
+    drive(world, [1.0], 20)
+    assert world.car_poses()[0, 1] > at_wall[1] + 0.02
+
+
 def test_who_touches_nobody_drives_as_without_contact_to_the_last_bit(hall: Scene) -> None:
     poses = [(3.0, 3.0, 0.0), (3.0, 4.0, 0.0)]
-    worlds = [world_of(hall, poses, contact) for contact in ("pass", "stop")]
+    worlds = [world_of(hall, poses, contact) for contact in ("pass", "stop", "hold")]
     for world in worlds:
         drive(world, [1.0, 0.7], 30, steering=0.05)
-    assert worlds[0].state_bytes() == worlds[1].state_bytes()
+    assert len({world.state_bytes() for world in worlds}) == 1
     assert KinematicConfig().contact == "pass"
 
 
@@ -124,5 +147,5 @@ def test_a_queue_that_is_pushed_from_behind_stays_apart(hall: Scene) -> None:
 
 
 def test_an_unknown_contact_is_refused() -> None:
-    with pytest.raises(ConfigError, match="contact is 'bounce'; valid: pass, stop"):
+    with pytest.raises(ConfigError, match="contact is 'bounce'; valid: pass, stop, hold"):
         KinematicConfig(contact="bounce")
