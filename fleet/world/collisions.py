@@ -137,7 +137,7 @@ def _along(speed: float, into: float) -> float:  # pragma: no cover - compiled
 def _slow_down(
     poses: FloatArray, speeds: FloatArray, car: int, into: float, out: tuple[float, float], before: FloatArray
 ) -> bool:  # pragma: no cover - compiled
-    """Take a car's speed into a body; returns whether friction holds its nose there.
+    """Take a car's speed into a body, and put it back to where friction holds its nose; returns whether that does.
 
     Args:
         into: Cosine between the car's heading and the way out of the body.

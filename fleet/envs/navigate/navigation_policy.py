@@ -68,7 +68,7 @@ class PursuitPolicy:
         steering = np.arctan(self._wheelbase_m * curvature[:, AIM])
         sharpest = np.abs(curvature[:, : AIM + 2]).max(axis=1)
         speed = np.minimum(self._max_speed_mps, np.sqrt(LATERAL_MPS2 / np.maximum(sharpest, 1e-6)))
-        others = rows[:, FIRST_OTHER:].reshape(len(rows), N_OTHERS, N_PER_OTHER)
+        others = _others(rows)
         ahead, left = NEAR_M * others[..., 1], NEAR_M * others[..., 2]
         in_way = (others[..., 0] > 0.0) & (ahead > 0.0) & (np.abs(left) < CORRIDOR_M)
         free_m = np.where(in_way, np.maximum(ahead - GAP_M, 0.0), np.inf).min(axis=1)
@@ -101,9 +101,14 @@ class BackingPolicy(PursuitPolicy):
         return acts
 
 
+def _others(rows: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+    """What cars are told of others, shape (n, N_OTHERS, N_PER_OTHER)."""
+    return rows[:, FIRST_OTHER:].reshape(len(rows), N_OTHERS, N_PER_OTHER)
+
+
 def _yields(rows: npt.NDArray[np.float32]) -> npt.NDArray[np.bool_]:
     """Whether a car is to back off from another in front of its nose, shape (n,)."""
-    others = rows[:, FIRST_OTHER:].reshape(len(rows), N_OTHERS, N_PER_OTHER)
+    others = _others(rows)
     x, y, cos, sin = NEAR_M * others[..., 1], NEAR_M * others[..., 2], others[..., 3], others[..., 4]
     in_front = (others[..., 0] > 0.0) & (x > 0.0) & (x < PRESSED_M) & (np.abs(y) < BESIDE_M)
     faces = cos * x + sin * y < 0.0

@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from fleet.envs import navigate_v1
 from fleet.envs.navigate.navigation_policy import BackingPolicy, PursuitPolicy
-from fleet.envs.navigate.rows import FIRST_OTHER, N_CAR_NUMBERS, N_OWN
+from fleet.envs.navigate.rows import FIRST_OTHER, N_CAR_NUMBERS, N_OWN, NEAR_M, WAY_POINTS_M
 
 Row = npt.NDArray[np.float32]
 
@@ -16,7 +16,7 @@ def car_at(*, speed: float = 0.0, steering: float = 0.0, way_rad: float = 0.0, t
     """What a car sees that is alone; its way leads off straight at an angle."""
     row = np.zeros(N_CAR_NUMBERS, dtype=np.float32)
     row[0], row[1], row[5] = speed, steering, touches
-    for k, far_m in enumerate((0.3, 0.6, 1.0, 1.5, 2.2, 3.0)):
+    for k, far_m in enumerate(WAY_POINTS_M):
         row[N_OWN + 2 * k : N_OWN + 2 * k + 2] = np.array([np.cos(way_rad), np.sin(way_rad)]) * far_m / 3.0
     return row
 
@@ -24,7 +24,7 @@ def car_at(*, speed: float = 0.0, steering: float = 0.0, way_rad: float = 0.0, t
 def before(row: Row, *, heading_rad: float, lower: bool) -> Row:
     """The same with another car 0.6 m ahead."""
     row = row.copy()
-    row[FIRST_OTHER : FIRST_OTHER + 5] = 1.0, 0.15, 0.0, np.cos(heading_rad), np.sin(heading_rad)
+    row[FIRST_OTHER : FIRST_OTHER + 5] = 1.0, 0.6 / NEAR_M, 0.0, np.cos(heading_rad), np.sin(heading_rad)
     row[FIRST_OTHER + 15] = lower
     return row
 
