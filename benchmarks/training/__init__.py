@@ -1,16 +1,15 @@
 """Training: what environments cost, and what policies and learning make of them; one file per kind of groups.
 
-`python -m benchmarks.training [--only speed | grid | table | due | vec | subproc | learning | slack | traffic | play |
-together]`.
+`python -m benchmarks.training [--only speed | grid | table | due | vec | subproc | slack | traffic | play | together |
+RECIPE]`, where RECIPE is one of those that lessons train, such as `navigate`.
 """
 
 from __future__ import annotations
 
 from benchmarks.harness import grouped
-from benchmarks.training import layers
+from benchmarks.training import layers, learning
 from benchmarks.training.congestion import measure_traffic
 from benchmarks.training.due_dates import measure_due_dates
-from benchmarks.training.learning import measure_learning
 from benchmarks.training.slack import measure_slack
 from benchmarks.training.speed import measure_speed
 from benchmarks.training.subproc import measure_subproc
@@ -24,7 +23,7 @@ GROUPS = {
     "due": measure_due_dates,
     "vec": measure_vec,
     "subproc": measure_subproc,
-    "learning": measure_learning,
+    **learning.GROUPS,
     "slack": measure_slack,
     "traffic": measure_traffic,
     "play": measure_fleet_play,

@@ -14,9 +14,10 @@ import os
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -42,25 +43,26 @@ FOLDER = _REPOSITORY / "runs" / "learning"
 DOCUMENTS = _REPOSITORY / "docs" / "learning"
 
 
-def measure_learning(trial: Trial) -> Iterable[Row]:
-    """Train every recipe from every seed, and compare."""
+def measure_lesson(recipe: str, trial: Trial) -> Iterable[Row]:
+    """Train a recipe from every seed, and compare."""
     if importlib.util.find_spec("torch") is None:
-        trial.notes.append("learning: left out, PyTorch is not installed: pip install '.[train]'")
+        trial.notes.append(f"{recipe}: left out, PyTorch is not installed: pip install '.[train]'")
         return
+    lesson = LESSONS[recipe]
     with tempfile.TemporaryDirectory() as quick:
         folder = Path(quick) if trial.quick else FOLDER
-        jobs = [(recipe, lesson, seed) for recipe, lesson in LESSONS.items() for seed in trial.seeds]
         with ThreadPoolExecutor(N_AT_ONCE) as pool:
-            problems = list(pool.map(lambda job: train_seed(folder, *job, quick=trial.quick), jobs))
-        for (recipe, _, seed), problem in zip(jobs, problems, strict=True):
+            problems = list(
+                pool.map(lambda seed: train_seed(folder, recipe, lesson, seed, quick=trial.quick), trial.seeds)
+            )
+        for seed, problem in zip(trial.seeds, problems, strict=True):
             trial.check(problem is None, f"{recipe}, seed {seed}: {problem}")
         if trial.failures:
             return
-        for recipe, lesson in LESSONS.items():
-            runs = [folder / recipe / str(seed) for seed in trial.seeds]
-            yield from _rows(recipe, lesson, runs, promised=not trial.quick)
-            if not trial.quick:
-                _document(recipe, lesson, trial.seeds, runs)
+        runs = [folder / recipe / str(seed) for seed in trial.seeds]
+        yield from _rows(recipe, lesson, runs, promised=not trial.quick)
+        if not trial.quick:
+            _document(recipe, lesson, trial.seeds, runs)
 
 
 def train_seed(folder: Path, recipe: str, lesson: Lesson, seed: int, *, quick: bool) -> str | None:
@@ -191,3 +193,7 @@ def _on_a_grid(
             near = np.abs(curve[:, 0] - step) <= width
             row[k] = curve[near, 1].mean() if near.any() else np.interp(step, curve[:, 0], curve[:, 1])
     return steps, curves
+
+
+GROUPS: dict[str, Callable[[Trial], Iterable[Row]]] = {recipe: partial(measure_lesson, recipe) for recipe in LESSONS}
+"""What trains each recipe, by its name."""

@@ -156,4 +156,4 @@ LESSONS: dict[str, Lesson] = {
         },
     ),
 }
-"""What `measure_learning` trains, by recipe."""
+"""What is trained, by recipe; each is a group of the benchmark."""

@@ -1,6 +1,6 @@
 """Fleet play: a run whose dispatch, traffic and docking were learned, against the classical one on the same orders.
 
-The policies are those of `runs/learning/<recipe>/0`, as `python -m benchmarks.training --only learning` leaves them.
+The policies are those of `runs/learning/<recipe>/0`, as `python -m benchmarks.training --only RECIPE` leaves them.
 """
 
 from __future__ import annotations

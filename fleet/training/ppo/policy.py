@@ -115,7 +115,7 @@ def _one_thread() -> Iterator[None]:
         torch.set_num_threads(n_threads)
 
 
-def load_policy(folder: Path, *, play: Play | None = None, seed: int = 0) -> LearnedPolicy:
+def load_policy(folder: str | Path, *, play: Play | None = None, seed: int = 0) -> LearnedPolicy:
     """What a training run has learned.
 
     Args:
@@ -127,7 +127,7 @@ def load_policy(folder: Path, *, play: Play | None = None, seed: int = 0) -> Lea
         TrainingError: There is no checkpoint, it cannot be read, or it is of a recipe or an environment that is not the
             one of today.
     """
-    path = folder / CHECKPOINT
+    path = Path(folder) / CHECKPOINT
     state = read_checkpoint(path)
     told = json.loads(state["config"])
     if told["env"] not in RECIPES:
