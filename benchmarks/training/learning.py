@@ -16,7 +16,7 @@ import sys
 import tempfile
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
+from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -68,6 +68,8 @@ def measure_lesson(recipe: str, trial: Trial) -> Iterable[Row]:
 def train_seed(folder: Path, recipe: str, lesson: Lesson, seed: int, *, quick: bool) -> str | None:
     """Run one seed to its end; returns what went wrong."""
     out = folder / recipe / str(seed)
+    if (out / CONFIG).exists() and (other := _other_settings(out, recipe)) and not quick:
+        return f"{out} was trained with other {other}; valid: remove it, to train again"
     if (out / EVALUATION).exists():
         return None
     out.mkdir(parents=True, exist_ok=True)
@@ -80,6 +82,15 @@ def train_seed(folder: Path, recipe: str, lesson: Lesson, seed: int, *, quick: b
     with (out / "log.txt").open("a", encoding="utf-8") as log:
         status = subprocess.run(command, cwd=_REPOSITORY, stdout=log, stderr=log, env=environment, check=False)
     return None if status.returncode == 0 else f"status {status.returncode}, see {out / 'log.txt'}"
+
+
+def _other_settings(out: Path, recipe: str) -> str:
+    """Names of the settings in which a run differs from today's recipe, empty if it is the same."""
+    found = RECIPES[recipe]
+    today = {"steps_n": found.n_steps, "arguments": found.arguments, "ppo": asdict(found.ppo)}
+    today["stages"] = list(map(asdict, found.stages))
+    was = json.loads((out / CONFIG).read_text(encoding="utf-8"))
+    return ", ".join(name for name, value in today.items() if was.get(name) != json.loads(json.dumps(value)))
 
 
 def longest(runs: Sequence[Path], minutes: float, *, promised: bool) -> Row:

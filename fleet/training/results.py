@@ -45,9 +45,13 @@ def prepare_folder(folder: Path, *, resume: bool) -> None:
     Raises:
         TrainingError: It cannot be used.
     """
+    config = folder / CONFIG
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        (folder / CONFIG).touch()
+        was_there = config.exists()
+        config.touch()
+        if not was_there:
+            config.unlink()
     except OSError as error:
         raise TrainingError(f"--out {folder}: {error.strerror}; valid: a directory that can be written") from error
     if not resume and ((folder / PROGRESS).exists() or (folder / CHECKPOINT).exists()):

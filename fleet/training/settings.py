@@ -17,6 +17,8 @@ NETWORKS, CRITICS = ("perceptron", "attention"), ("own", "central")
 _FORM = "TOML with steps_n, checkpoint_n and tables [ppo] and [env]"
 N_HEADS = 4
 """Of attention."""
+MOST_SAMPLES, WIDEST = 10_000_000, 16_384
+"""Samples of an update, and width of a layer, that fit into memory."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,7 +81,10 @@ class PpoConfig:
 
     def __post_init__(self) -> None:
         for name in ("envs_n", "horizon_n", "epochs_n", "minibatch_n", "clone_epochs_n"):
-            require(getattr(self, name) >= 1, f"ppo.{name}", getattr(self, name), "an integer >= 1")
+            value = getattr(self, name)
+            require(1 <= value <= MOST_SAMPLES, f"ppo.{name}", value, f"an integer from 1 to {MOST_SAMPLES}")
+        n_steps = self.envs_n * self.horizon_n
+        require(n_steps <= MOST_SAMPLES, "ppo.envs_n * ppo.horizon_n", n_steps, f"at most {MOST_SAMPLES}")
         require(self.clone_n >= 0, "ppo.clone_n", self.clone_n, "an integer >= 0")
         for name in ("learning_rate", "clip", "max_grad_norm"):
             value = getattr(self, name)
@@ -89,8 +94,9 @@ class PpoConfig:
         for name in ("entropy", "value", "learning_rate_end", "divergence", "anchor"):
             value = getattr(self, name)
             require(math.isfinite(value) and value >= 0, f"ppo.{name}", value, "a number >= 0")
-        require(math.isfinite(self.log_std), "ppo.log_std", self.log_std, "a number")
-        require(bool(self.hidden) and min(self.hidden) >= 1, "ppo.hidden", self.hidden, "widths >= 1")
+        require(-20.0 <= self.log_std <= 2.0, "ppo.log_std", self.log_std, "a number from -20 to 2")
+        widths_ok = bool(self.hidden) and min(self.hidden) >= 1 and max(self.hidden) <= WIDEST
+        require(widths_ok, "ppo.hidden", self.hidden, f"widths from 1 to {WIDEST}")
         require(self.network in NETWORKS, "ppo.network", self.network, ", ".join(NETWORKS))
         require(self.critic in CRITICS, "ppo.critic", self.critic, ", ".join(CRITICS))
         fits = self.network != "attention" or self.hidden[0] % N_HEADS == 0
@@ -121,7 +127,7 @@ class TrainConfig:
 
     def __post_init__(self) -> None:
         require(self.seed >= 0, "--seed", self.seed, "an integer >= 0")
-        require(self.steps_n >= 1, "--steps", self.steps_n, "an integer >= 1")
+        require(self.steps_n >= 1, "--steps, steps_n", self.steps_n, "an integer >= 1")
         require(self.checkpoint_n >= 1, "checkpoint_n", self.checkpoint_n, "an integer >= 1")
 
 

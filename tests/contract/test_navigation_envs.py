@@ -139,9 +139,10 @@ def test_a_lost_car_is_towed_back_and_stands(fidelity: str) -> None:
         *_, infos = env.step(away)
         towed = infos["car_0"]["towed"]
     assert towed == env._weights.towed
+    assert infos["car_0"]["tows"] == 1.0, "counted, whatever it costs"
     for _ in range(round(10 * (BRAKE_S + TOW_S))):
         *_, infos = env.step(away)  # nobody listens
-        assert infos["car_0"]["towed"] == 0.0
+        assert (infos["car_0"]["towed"], infos["car_0"]["tows"]) == (0.0, 0.0)
     assert abs(env._world.car_speeds()[0]) < 0.02
     assert abs(env._aside_m[0]) < 0.05
     env.step(away)

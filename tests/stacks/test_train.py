@@ -203,3 +203,30 @@ def test_arguments_that_the_environment_does_not_know_are_refused(
     assert "speed" in said
     assert said.count("\n") == 1
     assert not (tmp_path / "run").exists()
+
+
+@pytest.mark.parametrize(
+    ("settings", "words", "said"),
+    [
+        ("", ["--start-from", "nowhere"], "there is no checkpoint; valid"),
+        ("", ["--demonstrations", "nothing.npz"], "cannot be read as demonstrations; valid"),
+        ("[env]\nweights = {foo = 1.0}", [], "weights is {'foo': 1.0}; valid: a table of numbers for progress, place"),
+        ("[env]\nweights = 3", [], "weights is 3; valid: a table of numbers for progress, place"),
+        ("[ppo]\nlog_std = 1e300", [], "ppo.log_std is 1e+300; valid: a number from -20 to 2"),
+        ("[ppo]\nhidden = [9223372036854775807]", [], "valid: widths from 1 to 16384"),
+        ("[ppo]\nhorizon_n = 99999999999", [], "valid: an integer from 1 to 10000000"),
+        ("[ppo]\nhorizon_n = 9999999", [], "ppo.envs_n * ppo.horizon_n is 79999992; valid: at most 10000000"),
+    ],
+)
+def test_what_cannot_be_trained_leaves_nothing_behind(
+    settings: str, words: list[str], said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file, out = tmp_path / "train.toml", tmp_path / "run"
+    file.write_text(settings)
+    with pytest.raises(SystemExit) as stop:
+        main(["train", "--env", "navigate", "--steps", "3000", "--config", str(file), "--out", str(out), *words])
+    assert stop.value.code == 2
+    told = capsys.readouterr().err
+    assert said in told
+    assert told.count("\n") == 1
+    assert not out.exists()

@@ -268,9 +268,8 @@ def test_a_file_of_demonstrations_is_cloned_before_the_first_step(tmp_path: Path
     found = play(env, trainer.policy(), 1, ["hits"])
     assert (found["return"] - found["hits"]) / 100 > -0.2
     write_demonstrations(path, {"car": Demonstration(rows=numbers, mask=None, actions=np.zeros((1000, 3)))})
-    (tmp_path / "other").mkdir()
     with pytest.raises(TrainingError, match=r"car_actions has rows of shape \(3,\); valid: \(1,\)"):
-        Trainer(config, tmp_path / "other").run(lambda row: None, [])
+        Trainer(config, tmp_path / "other")
 
 
 def test_a_run_starts_from_what_another_learned(tmp_path: Path, known: Callable[..., None]) -> None:
@@ -354,6 +353,36 @@ def test_a_checkpoint_of_another_layout_version_or_recipe_is_refused(
     torch.save({"format": 1}, tmp_path / CHECKPOINT)
     with pytest.raises(TrainingError, match="is a checkpoint of format 1; valid: 2, train again"):
         load_policy(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("spoil", "said"),
+    [
+        (lambda state: state.pop("kinds"), "has no kinds; valid: what a training run wrote"),
+        (lambda state: state.update(learners=[]), "has no learners; valid"),
+        (lambda state: state.update(config="{"), "its config cannot be read; valid"),
+        (lambda state: state.update(config="{}"), "its config has no env; valid"),
+        (lambda state: state.update(config=state["config"].replace('"clip"', '"clipped"')), "valid: settings of this"),
+    ],
+)
+def test_a_checkpoint_with_wrong_content_is_refused(
+    spoil: Callable[[dict[str, Any]], object], said: str, tmp_path: Path, known: Callable[..., None]
+) -> None:
+    run(trainer_of(tmp_path, 1))
+    state = torch.load(tmp_path / CHECKPOINT, weights_only=True)
+    spoil(state)
+    torch.save(state, tmp_path / CHECKPOINT)
+    with pytest.raises(TrainingError, match=said):
+        load_policy(str(tmp_path))
+    config = TrainConfig(env="guess", steps_n=9, start_from=(str(tmp_path),), ppo=PPO)
+    with pytest.raises(TrainingError, match=said):
+        Trainer(config, tmp_path / "other")
+
+
+def test_what_is_no_longer_finite_ends_the_run(tmp_path: Path, known: Callable[..., None]) -> None:
+    trainer = trainer_of(tmp_path, 3, learning_rate=1e30)
+    with pytest.raises(TrainingError, match=r"is no longer finite, ppo\.learning_rate is 1e\+30; valid: a smaller"):
+        run(trainer)
 
 
 def test_cloning_without_a_teacher_is_refused(tmp_path: Path, known: Callable[..., None]) -> None:

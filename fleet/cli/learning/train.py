@@ -66,9 +66,6 @@ class Train:
 
     def run(self) -> int:
         """Train, evaluate and print; returns the exit status."""
-        # The environments take a second to load: only for runs, not for --help.
-        from fleet.training.results import prepare_folder
-
         require(self.env in RECIPES, "--env", self.env, ", ".join(RECIPES))
         require(self.episodes >= 1, "--episodes", self.episodes, "an integer >= 1")
         if importlib.util.find_spec("torch") is None:
@@ -76,7 +73,6 @@ class Train:
         recipe = RECIPES[self.env]
         config = self._config(recipe)
         recipe.survey(config.arguments, config.held)
-        prepare_folder(self.out, resume=self.resume)
         return self._train(config, recipe)
 
     def _config(self, recipe: Recipe) -> TrainConfig:
@@ -107,13 +103,16 @@ class Train:
             RECORDING,
             append_progress,
             draw_progress,
+            prepare_folder,
             write_config,
             write_progress,
         )
 
         chief = recipe.figures[0]
         trainer = Trainer(config, self.out, resume=self.resume)
-        write_config(self.out, config, recipe.stages)  # not before the trainer has agreed to go on from what is there
+        # Nothing is written before the trainer has agreed with what it is given and what is there.
+        prepare_folder(self.out, resume=self.resume)
+        write_config(self.out, config, recipe.stages)
         write_progress(self.out, trainer.rows)
         curves = _tensorboard(self.out, trainer.rows)
         try:

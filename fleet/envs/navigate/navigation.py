@@ -119,6 +119,8 @@ class NavigationWeights:
 
 TERMS = ("progress", "place", "touch", "off_lane", "towed")
 """Names of the terms."""
+COUNTED = ("places", "touches", "tows")
+"""What is counted beside them."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -265,10 +267,7 @@ class NavigationEnv(FleetEnv):
         self._figures = dict.fromkeys(self._figures, 0.0)
         if self.render_mode == "rerun":
             self._pictures.begin()
-        return {
-            agent: {**dict.fromkeys((*TERMS, "places", "touches"), 0.0), "illegal": False}
-            for agent in self.possible_agents
-        }
+        return {agent: {**dict.fromkeys((*TERMS, *COUNTED), 0.0), "illegal": False} for agent in self.possible_agents}
 
     def _resolved(self, actions: Mapping[str, Any]) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
         """Shares of steering and speed, shape (n_cars, 2), and which cars' actions were illegal or missing."""
@@ -310,12 +309,10 @@ class NavigationEnv(FleetEnv):
         )
         rewards = dict(zip(self.possible_agents, terms.sum(axis=1).tolist(), strict=True))
         infos: Infos = {
-            agent: {**dict(zip(TERMS, row, strict=True)), "places": float(n), "touches": touch, "illegal": wrong}
-            for agent, row, n, touch, wrong in zip(
+            agent: {**dict(zip((*TERMS, *COUNTED), row, strict=True)), "illegal": wrong}
+            for agent, row, wrong in zip(
                 self.possible_agents,
-                terms.tolist(),
-                reached.tolist(),
-                touches.astype(np.float64).tolist(),
+                np.column_stack((terms, reached, touches, towed)).tolist(),
                 illegal.tolist(),
                 strict=True,
             )

@@ -12,6 +12,8 @@ from fleet.training.errors import TrainingError
 from fleet.whole_file import write_whole
 
 _FORMAT = 2
+_CONTENT = {"config": str, "kinds": dict, "n_state": int, "done": int, "steps": int, "rows": list, "learners": dict}
+"""What has to be in one, whoever reads it."""
 
 
 def write_checkpoint(path: Path, content: dict[str, Any]) -> None:
@@ -37,4 +39,7 @@ def read_checkpoint(path: Path) -> dict[str, Any]:
         raise TrainingError(f"{path}: is no checkpoint; valid: what a training run wrote")
     if content["format"] != _FORMAT:
         raise TrainingError(f"{path}: is a checkpoint of format {content['format']}; valid: {_FORMAT}, train again")
+    for name, kind in _CONTENT.items():
+        if not isinstance(content.get(name), kind):
+            raise TrainingError(f"{path}: has no {name}; valid: what a training run wrote")
     return content

@@ -256,6 +256,11 @@ class Learner:
         shown = _Shown(torch.from_numpy(told.rows), _tensor(told.mask), torch.from_numpy(self.plain(told.actions)))
         self._imitate(shown, n_epochs, rate, generator)
 
+    @property
+    def is_finite(self) -> bool:
+        """Whether all weights are finite numbers."""
+        return all(bool(torch.isfinite(weights).all()) for weights in self.network.parameters())
+
     def forget_teacher(self) -> None:
         """Forget all that a teacher has said, once it is no longer asked."""
         self._shown = None

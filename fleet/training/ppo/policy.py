@@ -129,22 +129,46 @@ def load_policy(folder: str | Path, *, play: Play | None = None, seed: int = 0) 
     """
     path = Path(folder) / CHECKPOINT
     state = read_checkpoint(path)
-    told = json.loads(state["config"])
+    told = told_config(path, state)
     if told["env"] not in RECIPES:
         raise TrainingError(f"{path}: is of the recipe {told['env']}; valid: {', '.join(RECIPES)}")
     recipe = RECIPES[told["env"]]
     kinds, _ = recipe.survey(told["arguments"], told["held"])
     require_kinds(path, state["kinds"], kinds)
-    ppo = told_settings(told)
+    ppo = told_settings(path, told)
     learners = {kind.name: Learner(kind, ppo, state["n_state"], torch.Generator()) for kind in kinds}
     for name, learner in learners.items():
         learner.recall(state["learners"][name])
     return LearnedPolicy(learners, seed if (play or recipe.plays[0]) == "drawn" else None)
 
 
-def told_settings(told: Mapping[str, Any]) -> PpoConfig:
-    """Settings of the algorithm, as the configuration in a checkpoint tells them."""
-    return PpoConfig(**{**told["ppo"], "hidden": tuple(told["ppo"]["hidden"])})
+def told_config(path: Path, state: Mapping[str, Any]) -> dict[str, Any]:
+    """The configuration in a checkpoint.
+
+    Raises:
+        TrainingError: It cannot be read.
+    """
+    try:
+        told: dict[str, Any] = json.loads(state["config"])
+        missing = [name for name in ("env", "arguments", "held", "ppo") if name not in told]
+    except (ValueError, TypeError) as error:
+        raise TrainingError(f"{path}: its config cannot be read; valid: what a training run wrote") from error
+    if missing:
+        raise TrainingError(f"{path}: its config has no {missing[0]}; valid: what a training run wrote")
+    return told
+
+
+def told_settings(path: Path, told: Mapping[str, Any]) -> PpoConfig:
+    """Settings of the algorithm, as the configuration in a checkpoint tells them.
+
+    Raises:
+        TrainingError: They are of another version.
+    """
+    try:
+        return PpoConfig(**{**told["ppo"], "hidden": tuple(told["ppo"]["hidden"])})
+    except (TypeError, KeyError) as error:
+        valid = ", ".join(one.name for one in dataclasses.fields(PpoConfig))
+        raise TrainingError(f"{path}: ppo is {told['ppo']!r}; valid: settings of this version, {valid}") from error
 
 
 def described(kind: AgentType) -> dict[str, Any]:

@@ -16,12 +16,12 @@ import torch
 
 from fleet.training.batch import Batch, EnvBatch, EpisodeFigures
 from fleet.training.curriculum import Curriculum
-from fleet.training.demonstrations import read_demonstrations
+from fleet.training.demonstrations import Demonstration, read_demonstrations
 from fleet.training.errors import TrainingError
 from fleet.training.ppo.checkpoint import read_checkpoint, write_checkpoint
 from fleet.training.ppo.collector import Collector
 from fleet.training.ppo.learner import LOSSES, Learner
-from fleet.training.ppo.policy import LearnedPolicy, described, require_kinds, told_settings
+from fleet.training.ppo.policy import LearnedPolicy, described, require_kinds, told_config, told_settings
 from fleet.training.recipes import RECIPES
 from fleet.training.results import CHECKPOINT
 from fleet.training.settings import TrainConfig
@@ -49,7 +49,8 @@ class Trainer:
 
     Raises:
         TrainingError: The checkpoint is of other settings, or cannot be read; the recipe has no teacher to clone, or an
-            environment no state for a central critic; a run to start from has other agents or networks.
+            environment no state for a central critic; a run to start from, or a file of demonstrations, has other
+            agents or networks, or cannot be read.
     """
 
     def __init__(self, config: TrainConfig, folder: Path, *, resume: bool = False) -> None:
@@ -59,7 +60,7 @@ class Trainer:
         self.recipe = RECIPES[config.env]
         state = read_checkpoint(self._path) if resume and self._path.exists() else None
         if state is not None:
-            _require_same(config, json.loads(state["config"]), self._path)
+            _require_same(config, told_config(self._path, state), self._path)
         ppo = config.ppo
         if ppo.clone_n and self.recipe.teacher is None:
             raise TrainingError(f"ppo.clone_n is {ppo.clone_n}, and {config.env} has no teacher; valid: 0")
@@ -86,6 +87,8 @@ class Trainer:
         else:
             for other in config.start_from:
                 self._start_from(Path(other))
+        begins = state is None and config.demonstrations is not None
+        self._demonstrations = self._read_demonstrations(Path(str(config.demonstrations))) if begins else {}
         self._batch: Batch | None = None
 
     def run(self, on_update: Callable[[Row], None], interrupted: list[int]) -> bool:
@@ -97,10 +100,12 @@ class Trainer:
 
         Returns:
             Whether the end was reached.
+
+        Raises:
+            TrainingError: What was learned is no longer made up of finite numbers.
         """
         since = time.process_time()
-        if self.n_done == 0 and self.config.demonstrations is not None:
-            self._clone_file(Path(self.config.demonstrations))
+        self._clone_demonstrations()
         while self.n_steps < self.config.steps_n:
             if self.n_done % self.config.checkpoint_n == 0:
                 self._begin()
@@ -185,6 +190,11 @@ class Trainer:
                     losses = learner.learn(rollouts[name], rate, ppo.anchor * left, generator)
             if self.n_steps >= ppo.clone_n:
                 learner.forget_teacher()
+            if not learner.is_finite:
+                raise TrainingError(
+                    f"update {self.n_done}: what agents of type {name} have learned is no longer finite, "
+                    f"ppo.learning_rate is {ppo.learning_rate!r}; valid: a smaller one"
+                )
             row |= {f"{name}_{loss}": value for loss, value in losses.items()}
         return row
 
@@ -198,7 +208,7 @@ class Trainer:
         """Begin with what agents learned in another run."""
         path = folder / CHECKPOINT
         state = read_checkpoint(path)
-        ppo = told_settings(json.loads(state["config"]))
+        ppo = told_settings(path, told_config(path, state))
         known = [name for name in state["kinds"] if name in self.learners]
         if not known:
             told = ", ".join(state["kinds"])
@@ -216,16 +226,22 @@ class Trainer:
         for name, learner in zip(known, learners, strict=True):
             learner.begin_with(state["learners"][name])
 
-    def _clone_file(self, path: Path) -> None:
-        """Clone what a file of demonstrations says."""
-        ppo = self.config.ppo
+    def _read_demonstrations(self, path: Path) -> dict[str, Demonstration]:
+        """What a file says that is cloned before the first step, by type."""
         told = read_demonstrations(path)
-        generator = _generator(self.config.seed, _DEMONSTRATIONS, 0)
         for name, one in told.items():
             if name not in self.learners:
                 raise TrainingError(f"{path}: is of agents of type {name}; valid: {', '.join(self.learners)}")
             one.require(self.learners[name].kind, path)
+        return told
+
+    def _clone_demonstrations(self) -> None:
+        """Clone what the file of demonstrations says, once."""
+        ppo = self.config.ppo
+        generator = _generator(self.config.seed, _DEMONSTRATIONS, 0)
+        for name, one in self._demonstrations.items():
             self.learners[name].clone_samples(one, ppo.clone_epochs_n, ppo.learning_rate, generator)
+        self._demonstrations = {}
 
     def _save(self) -> None:
         content = {

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from fleet.envs.dispatch.scenarios import SCENARIOS
 from fleet.training.layout import Group, RowLayout
-from fleet.training.recipes.recipe import Recipe, TrainingStage, on_floor
+from fleet.training.recipes.recipe import Recipe, TrainingStage, on_floor, weights_of
 from fleet.training.settings import PpoConfig
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ def _dispatch(
 ) -> Any:
     from fleet.envs.dispatch.env import DispatchWeights, parallel_env
 
-    return parallel_env(weights=DispatchWeights(**weights or {}), **on_floor(arguments, floor))
+    return parallel_env(weights=weights_of(DispatchWeights, weights), **on_floor(arguments, floor))
 
 
 def _side_by_side(dealt: Sequence[Mapping[str, Any]], **told: Any) -> Batch:
@@ -71,13 +71,29 @@ DISPATCH = Recipe(
     # A car that pays for the lateness of what it delivers leaves late tasks to the others, which do the same.
     arguments={"site": "small", "n_cars": 6, "weights": {"late": -0.02, "empty": -0.03}},
 )
-_FLOORS = (
-    {"rows": 24, "cols": 16, "pick": 3, "drop": 3, "parking": 12},
-    {"rows": 16, "cols": 26, "pick": 3, "drop": 3, "parking": 12},
-    {"rows": 18, "cols": 18, "pick": 4, "drop": 4, "parking": 16},
-    {"rows": 20, "cols": 28, "pick": 4, "drop": 4, "parking": 16},
+
+
+def _floors(*sizes: tuple[int, int, int]) -> tuple[dict[str, Any], ...]:
+    """Generated floors of so many rows, columns, and stations of either kind, as arguments of the environment."""
+    return tuple(
+        {"floor": {"rows": rows, "cols": cols, "pick": n, "drop": n, "parking": 4 * n}} for rows, cols, n in sizes
+    )
+
+
+_WAVES = SCENARIOS["due_waves"].arguments
+"""Many cars, a choice of one of which decides little."""
+_TRIED = _floors(
+    *((24, 16, 3), (16, 26, 3), (18, 18, 4), (20, 28, 4), (13, 24, 3)),
+    *((15, 34, 3), (26, 12, 3), (22, 14, 3), (13, 28, 3), (16, 16, 3)),
 )
-"""Other floors than the one that it is evaluated on: what was learned on one floor only helps little on others."""
+"""Floors on which agents do what they have learned, and the teacher says what it would do."""
+_SHOWN = _floors(
+    *((22, 24, 4), (15, 26, 3), (18, 34, 4), (34, 16, 4), (28, 16, 4)),
+    *((17, 30, 4), (20, 18, 3), (24, 28, 4), (13, 32, 3), (16, 22, 3)),
+)
+"""Floors on which the teacher does it. There are many, since what is learned on one helps little on others."""
+_MIX = ({}, _WAVES, *_TRIED, {}, _WAVES, *_SHOWN)
+"""One for each environment; those of the first half are tried on."""
 DISPATCH_DUE = Recipe(
     summary="cars choose their tasks, and due dates count",
     make=_dispatch,
@@ -86,18 +102,19 @@ DISPATCH_DUE = Recipe(
     figures=("delivered", "late", "waiting"),
     at_end={"tardiness_min": tardiness_min},
     # All of them clone: a rollout that half of the environments only ask, while agents do what they have learned.
-    n_steps=360_000,
+    n_steps=800_000,
     ppo=PpoConfig(
+        envs_n=len(_MIX),
         horizon_n=240,
         minibatch_n=512,
         learning_rate=1e-3,
         network="attention",
-        clone_n=360_000,
-        # Of 11,520 steps of an update some 1,100 are choices.
+        clone_n=800_000,
+        # Of 39,360 steps of an update some 4,000 are choices.
         clone_all=True,
     ),
     layouts={"car": LAYOUT},
     teacher=_rollout,
-    stages=(TrainingStage(name="floors", mix=tuple(mixed for floor in _FLOORS for mixed in ({}, {"floor": floor}))),),
+    stages=(TrainingStage(name="floors", mix=_MIX),),
     arguments={**SCENARIOS["due_rush"].arguments, "weights": {"late": -0.3, "waiting": -0.2, "empty": 0.0}},
 )

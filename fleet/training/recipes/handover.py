@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from fleet.training.recipes.recipe import Recipe, TrainingStage
+from fleet.training.recipes.recipe import Recipe, TrainingStage, weights_of
 from fleet.training.recipes.warehouse import CLONED_FIRST
 
 if TYPE_CHECKING:
@@ -17,7 +17,7 @@ def _handover(*, weights: Mapping[str, float] | None = None, **arguments: Any) -
     from fleet.envs.handover.config import HandoverWeights
     from fleet.envs.handover.env import parallel_env
 
-    return parallel_env(weights=HandoverWeights(**weights or {}), **arguments)
+    return parallel_env(weights=weights_of(HandoverWeights, weights), **arguments)
 
 
 def _first_come() -> Policy:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from fleet.training.layout import Group, RowLayout
-from fleet.training.recipes.recipe import Recipe, TrainingStage
+from fleet.training.recipes.recipe import Recipe, TrainingStage, weights_of
 from fleet.training.settings import PpoConfig
 
 if TYPE_CHECKING:
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 def _navigate(*, weights: Mapping[str, float] | None = None, **arguments: Any) -> Any:
     from fleet.envs.navigate.navigation import NavigationWeights, parallel_env
 
-    return parallel_env(weights=NavigationWeights(**weights or {}), **arguments)
+    return parallel_env(weights=weights_of(NavigationWeights, weights), **arguments)
 
 
 def _car(**arguments: Any) -> Any:
@@ -48,7 +48,7 @@ NAVIGATE = Recipe(
     make=_navigate,
     scripted=_pursuit,
     script="pure pursuit that brakes for what is ahead",
-    figures=("places", "touches", "towed"),
+    figures=("places", "touches", "tows"),
     n_steps=6_600_000,
     # In physics friction holds noses at walls: where they slide along, nobody learns to reverse.
     arguments={"weights": {"touch": -20.0, "towed": -10.0}, "contact": "hold"},
@@ -65,7 +65,7 @@ CAR = Recipe(
     make=_car,
     scripted=_pursuit,
     script="pure pursuit that brakes for what is ahead",
-    figures=("places", "touches", "towed"),
+    figures=("places", "touches", "tows"),
     n_steps=1_000_000,
     ppo=PpoConfig(envs_n=16, horizon_n=256),
 )

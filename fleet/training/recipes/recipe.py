@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Literal
+from dataclasses import dataclass, field, fields
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 from fleet.config import require
 from fleet.training.errors import TrainingError
@@ -12,12 +12,15 @@ from fleet.training.layout import RowLayout
 from fleet.training.settings import PpoConfig
 
 if TYPE_CHECKING:  # the command line lists recipes, and the environments take a second to load
+    from _typeshed import DataclassInstance
+
     from fleet.envs.policies.policy import Policy
     from fleet.training.batch import AgentType, Batch
 
     PolicyMaker = Callable[[], Policy]
     BatchMaker = Callable[..., Batch]
 
+Weights = TypeVar("Weights", bound="DataclassInstance")
 Play = Literal["likeliest", "drawn"]
 """How a learned policy plays: its likeliest action, or one drawn from its distribution."""
 
@@ -65,6 +68,24 @@ def on_floor(arguments: Mapping[str, Any], floor: Mapping[str, Any] | None) -> d
     from maps.warehouse import generate_warehouse
 
     return dict(arguments) if floor is None else {**arguments, "site": generate_warehouse(**floor)}
+
+
+def weights_of(kind: type[Weights], told: object) -> Weights:
+    """Weights of an environment's rewards.
+
+    Args:
+        kind: A dataclass of them, all with defaults.
+        told: Some of them, by name; None: as they are.
+
+    Raises:
+        TrainingError: There is no such weight.
+    """
+    names = [one.name for one in fields(kind)]
+    if told is None:
+        return kind()
+    if not isinstance(told, Mapping) or not set(told) <= set(names):
+        raise TrainingError(f"[env]: weights is {told!r}; valid: a table of numbers for {', '.join(names)}")
+    return kind(**told)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from fleet.training.recipes.recipe import Recipe, TrainingStage, on_floor
+from fleet.training.recipes.recipe import Recipe, TrainingStage, on_floor, weights_of
 from fleet.training.settings import PpoConfig
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ def _traffic(
 ) -> Any:
     from fleet.envs.traffic.env import TrafficWeights, parallel_env
 
-    return parallel_env(weights=TrafficWeights(**weights or {}), **on_floor(arguments, floor))
+    return parallel_env(weights=weights_of(TrafficWeights, weights), **on_floor(arguments, floor))
 
 
 def _side_by_side(dealt: Sequence[Mapping[str, Any]], **told: Any) -> Batch:

@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from fleet.training.layout import RowLayout
-from fleet.training.recipes.recipe import Recipe, TrainingStage
+from fleet.training.recipes.recipe import Recipe, TrainingStage, weights_of
 from fleet.training.settings import PpoConfig
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ def _warehouse(*, weights: Mapping[str, float] | None = None, **arguments: Any) 
     from fleet.envs.warehouse.env import parallel_env
     from fleet.envs.warehouse.rewards import RewardWeights
 
-    return parallel_env(weights=RewardWeights(**weights or {}), **arguments)
+    return parallel_env(weights=weights_of(RewardWeights, weights), **arguments)
 
 
 def _classical() -> Policy:
