@@ -260,6 +260,9 @@ class Trainer:
 
     def _recall(self, state: Mapping[str, Any]) -> None:
         require_kinds(self._path, state["kinds"], [learner.kind for learner in self.learners.values()])
+        untold = [name for row in state["rows"][-1:] for name in self.recipe.figures if name not in row]
+        if untold:
+            raise TrainingError(f"{self._path}: has no figure {untold[0]}; valid: a run of this version, begin it anew")
         self.n_done, self.n_steps = state["done"], state["steps"]
         self.rows, self.cpu_s = state["rows"], state["cpu_s"]
         self._recent.extend(state["recent"])
