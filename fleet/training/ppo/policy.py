@@ -164,11 +164,12 @@ def told_settings(path: Path, told: Mapping[str, Any]) -> PpoConfig:
     Raises:
         TrainingError: They are of another version.
     """
-    try:
-        return PpoConfig(**{**told["ppo"], "hidden": tuple(told["ppo"]["hidden"])})
-    except (TypeError, KeyError) as error:
-        valid = ", ".join(one.name for one in dataclasses.fields(PpoConfig))
-        raise TrainingError(f"{path}: ppo is {told['ppo']!r}; valid: settings of this version, {valid}") from error
+    ppo = told["ppo"] if isinstance(told["ppo"], dict) else {}
+    names = [one.name for one in dataclasses.fields(PpoConfig)]
+    if not {"hidden"} <= set(ppo) <= set(names):
+        other = sorted(set(ppo) - set(names)) or ["no hidden"]
+        raise TrainingError(f"{path}: ppo has {', '.join(other)}; valid: settings of this version, {', '.join(names)}")
+    return PpoConfig(**{**ppo, "hidden": tuple(ppo["hidden"])})
 
 
 def described(kind: AgentType) -> dict[str, Any]:

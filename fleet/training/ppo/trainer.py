@@ -286,4 +286,7 @@ def _require_same(config: TrainConfig, told: dict[str, Any], path: Path) -> None
     for name, value in wanted.items():
         was = told.get(name, [])  # runs of before `start_from` started from nothing
         if was != value:
+            if isinstance(was, dict) and isinstance(value, dict):
+                key = next(key for key in (*was, *value) if was.get(key, ...) != value.get(key, ...))
+                name, was, value = f"{name}.{key}", was.get(key), value.get(key)
             raise TrainingError(f"{path}: {name} was {was!r} and is {value!r} now; valid: the same settings")
