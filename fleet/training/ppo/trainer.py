@@ -285,8 +285,10 @@ def _require_same(config: TrainConfig, told: dict[str, Any], path: Path) -> None
     wanted = json.loads(json.dumps(dataclasses.asdict(config)))
     for name, value in wanted.items():
         was = told.get(name, [])  # runs of before `start_from` started from nothing
-        if was != value:
-            if isinstance(was, dict) and isinstance(value, dict):
-                key = next(key for key in (*was, *value) if was.get(key, ...) != value.get(key, ...))
-                name, was, value = f"{name}.{key}", was.get(key), value.get(key)
-            raise TrainingError(f"{path}: {name} was {was!r} and is {value!r} now; valid: the same settings")
+        if isinstance(was, dict) and isinstance(value, dict):
+            pairs = {f"{name}.{key}": (was.get(key), value.get(key)) for key in (*was, *value)}
+        else:
+            pairs = {name: (was, value)}
+        for key, (before, now) in pairs.items():
+            if before != now:
+                raise TrainingError(f"{path}: {key} was {before!r} and is {now!r} now; valid: the same settings")
