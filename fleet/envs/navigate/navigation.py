@@ -38,8 +38,8 @@ Of another car:
 
 With `knocks_per_min` cars are knocked off their courses now and then, so that agents learn to come back.
 
-Rewards: the sum of the terms in `NavigationWeights`; `infos[agent]` holds each weighted term, and `places` and `touches`,
-the numbers of places that were reached and of touches that began in this step. `state()` is all observations, one after the other.
+Rewards: the sum of the terms in `NavigationWeights`; `infos[agent]` holds each weighted term, and `places`, `touches` and
+`tows`, the numbers of places that were reached and of touches and tows that began in this step. `state()` is all observations, one after the other.
 """  # noqa: E501 - a table's row
 
 from __future__ import annotations
