@@ -38,6 +38,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from benchmarks.calibration import REFERENCE_S, calibrate
+from fleet.whole_file import takes_file
 
 EXIT_OK = 0
 EXIT_WRONG_RESULT = 1
@@ -339,7 +340,7 @@ def write_problem(path: Path) -> str | None:
         return "is a folder; name a file"
     if not folder.is_dir():
         return f"the folder {folder} does not exist"
-    if not os.access(path if path.exists() else folder, os.W_OK):
+    if not takes_file(path):
         return "is not writable"
     return None
 

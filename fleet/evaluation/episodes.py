@@ -51,7 +51,7 @@ def _actions(policy: Policy, env: Any, observations: Observations, name: str) ->
         actions = policy.act(env, observations)
     except FleetError:
         raise
-    except Exception as reason:  # whatever a policy of one's own does
+    except (Exception, SystemExit) as reason:  # whatever a policy of one's own does
         raise PolicyError(f"policy {name} failed on {env.metadata['name']}: {told(reason)}; valid: actions") from reason
     if not isinstance(actions, Mapping):
         raise PolicyError(f"policy {name} gives a {type(actions).__name__}; valid: a dictionary of actions by agent")

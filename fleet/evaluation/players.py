@@ -16,6 +16,7 @@ from fleet.envs.policies.policy import Policy, Random
 from fleet.errors import ConfigError
 from fleet.evaluation.errors import PolicyError
 from fleet.evaluation.scenarios import Scenario
+from fleet.training.errors import TrainingError
 from fleet.training.recipes import RECIPES
 from fleet.training.results import CHECKPOINT, CONFIG
 from maps.errors import MapsError
@@ -51,15 +52,33 @@ class Player:
             raise PolicyError(f"policy {self.name} was trained on {self.trained_on}; valid: one trained on {now}")
         policy = self.make(0)
         if self.trained_on is not None:
-            policy.check(env)  # type: ignore[attr-defined]  # only the trainer's own folder may import PyTorch
+            try:
+                policy.check(env)  # type: ignore[attr-defined]  # only the trainer's own folder may import PyTorch
+            except TrainingError as reason:
+                raise PolicyError(f"policy {self.name}: {reason}") from reason
             return
-        played = getattr(policy, ENVIRONMENT, None)
-        names = (played,) if isinstance(played, str) else played
-        if names is not None and scenario.env not in names:
+        names, sizes = self._environments(policy), self._team_sizes(policy)
+        if names and scenario.env not in names:
             raise PolicyError(f"policy {self.name} plays {', '.join(names)}; valid: one that plays {scenario.env}")
-        sizes, n = getattr(policy, TEAM_SIZES, None), len(env.possible_agents)
-        if sizes is not None and not sizes[0] <= n <= sizes[1]:
+        n = len(env.possible_agents)
+        if sizes and not sizes[0] <= n <= sizes[1]:
             raise PolicyError(f"policy {self.name} cannot play {n} agents; valid: {sizes[0]} to {sizes[1]}")
+
+    def _environments(self, policy: Policy) -> tuple[str, ...]:
+        """What a policy says that it plays; empty: nothing."""
+        told = getattr(policy, ENVIRONMENT, ())
+        names = (told,) if isinstance(told, str) else told
+        if not isinstance(names, tuple | list) or not all(isinstance(name, str) for name in names):
+            raise PolicyError(f"policy {self.name}: {ENVIRONMENT} is {told!r}; valid: one text or several")
+        return tuple(names)
+
+    def _team_sizes(self, policy: Policy) -> tuple[int, ...]:
+        """Smallest and largest team that a policy says that it plays; empty: it does not say."""
+        told = getattr(policy, TEAM_SIZES, ())
+        pair = isinstance(told, tuple | list) and len(told) in (0, 2) and all(isinstance(size, int) for size in told)
+        if not pair:
+            raise PolicyError(f"policy {self.name}: {TEAM_SIZES} is {told!r}; valid: two whole numbers")
+        return tuple(told)
 
 
 def player_named(word: str, scenario: Scenario) -> Player:
@@ -76,10 +95,10 @@ def player_named(word: str, scenario: Scenario) -> Player:
     scripts = scripts_of(scenario)
     if word in scripts:
         return Player(name=word, make=scripts[word])
-    if ":" in word:
-        return _own(word)
     if Path(word).is_dir():
         return _learned(Path(word))
+    if ":" in word:
+        return _own(word)
     elsewhere = [layer for layer, table in POLICIES.items() if word in table]
     what = f"one of layer {', '.join(elsewhere)}" if elsewhere else "no policy"
     valid = f"{', '.join(scripts)}, a folder of fleet.train, or package.module:Class"
@@ -102,7 +121,7 @@ def _own(word: str) -> Player:
         kind = getattr(home, name)
     except (ImportError, AttributeError, ValueError) as reason:
         raise PolicyError(f"--policy {word}: {reason}; valid: {valid}") from reason
-    except Exception as reason:  # whatever a module does when it is imported
+    except (Exception, SystemExit) as reason:  # whatever a module does when it is imported
         raise PolicyError(f"--policy {word}: {told(reason)}; valid: {valid}") from reason
     if not callable(getattr(kind, "act", None)):
         raise PolicyError(f"--policy {word}: {name} has no act; valid: {valid}")
@@ -110,7 +129,7 @@ def _own(word: str) -> Player:
     def make(seed: int) -> Policy:
         try:
             made: Policy = kind(seed)
-        except Exception as reason:
+        except (Exception, SystemExit) as reason:
             raise PolicyError(f"--policy {word} cannot be made with a seed: {told(reason)}; valid: {valid}") from reason
         return made
 
@@ -121,7 +140,7 @@ def _own(word: str) -> Player:
 def _learned(folder: Path) -> Player:
     try:
         told = read_json(folder / CONFIG)
-        env, arguments = told["env"], told["arguments"]
+        env, arguments = str(told["env"]), dict(told["arguments"])
     except (OSError, ValueError, KeyError, TypeError) as reason:
         wrong = f"--policy {folder}: {CONFIG} cannot be read"
         raise PolicyError(f"{wrong}; valid: a folder that fleet.train wrote") from reason
@@ -133,7 +152,7 @@ def _learned(folder: Path) -> Player:
         raise PolicyError(f"--policy {folder} needs PyTorch, which is not installed; valid: pip install '.[train]'")
     try:
         trained_on = RECIPES[env].make(**arguments)
-    except (ConfigError, MapsError) as reason:
+    except (ConfigError, MapsError, TypeError) as reason:  # TypeError: of a single robot's environment
         raise PolicyError(f"--policy {folder}: its environment is none of this version: {reason}") from reason
     trained_on.close()
     learned = importlib.import_module("fleet.training.ppo.policy").load_policy(folder)
@@ -149,7 +168,7 @@ def _digest(path: Path) -> str:
     return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
-def told(reason: Exception) -> str:
+def told(reason: BaseException) -> str:
     """An error of somebody else's code in one line, with its place."""
     at = traceback.extract_tb(reason.__traceback__)[-1]
     return f"{type(reason).__name__}: {reason} ({Path(at.filename).name}, line {at.lineno})"

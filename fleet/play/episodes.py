@@ -10,11 +10,13 @@ from typing import Any
 
 from fleet.envs.core.env_config import UnknownSetting
 from fleet.envs.policies import Policy
+from fleet.errors import ConfigError
 from fleet.play.policies import LearnedRun
 from fleet.training.errors import TrainingError
 from fleet.training.evaluation import Score, play
 from fleet.training.recipes import RECIPES
-from fleet.whole_file import write_whole
+from fleet.training.results import CHECKPOINT
+from fleet.whole_file import require_place, write_whole
 
 EPISODES = "episodes.csv"
 RERUN = "rerun"
@@ -63,6 +65,21 @@ def play_episodes(
     return scores
 
 
+def require_folder(folder: Path) -> None:
+    """See that figures can be written into a folder, before hours of playing; it is made.
+
+    Raises:
+        ConfigError: It cannot be written, or holds a training run, whose figures have the same name.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        require_place(folder / EPISODES)
+    except OSError as error:
+        raise ConfigError(f"--out {folder}: {error.strerror}; valid: a directory that can be written") from error
+    if (folder / CHECKPOINT).exists():
+        raise ConfigError(f"--out {folder}: holds a training run; valid: another directory")
+
+
 def write_episodes(folder: Path, scores: Mapping[str, Sequence[Score]], seeds: Sequence[int]) -> None:
     """Write the figures of all episodes as a table, whole or not at all."""
     text = io.StringIO()
@@ -72,7 +89,6 @@ def write_episodes(folder: Path, scores: Mapping[str, Sequence[Score]], seeds: S
     for policy, played in scores.items():
         for seed, score in zip(seeds, played, strict=True):
             table.writerow([policy, seed, *(f"{score[name]:.6g}" for name in names)])
-    folder.mkdir(parents=True, exist_ok=True)
     write_whole(folder / EPISODES, text.getvalue())
 
 

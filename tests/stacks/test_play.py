@@ -52,6 +52,31 @@ def test_a_checkpoint_gives_the_tasks_of_a_fleet_to_its_cars(trained: Path, tmp_
     assert decisions["dispatch"]["n_policy"] == decisions["dispatch"]["n_made"] > 0
 
 
+def test_episodes_are_not_played_where_their_figures_cannot_be_kept(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "settings.toml").write_text(SETTINGS)
+    folder, file = tmp_path / "navigate", tmp_path / "file"
+    words = ("--config", str(tmp_path / "settings.toml"), "--episodes", "1", "--out", str(folder))
+    command("train", "--env", "navigate", *words)
+    before = (folder / "episodes.csv").read_text()
+    file.touch()
+    capsys.readouterr()
+    for out, said in ((folder, "holds a training run; valid: another"), (file, "valid: a directory that can be")):
+        command("play", str(folder), "--out", str(out), status=2)
+        told = capsys.readouterr().err
+        assert f"--out {out}: " in told
+        assert said in told
+        assert told.count("\n") == 1
+    assert (folder / "episodes.csv").read_text() == before
+    command("play", str(folder), "--episodes", "100000000000000000000", "--out", str(tmp_path / "run"), status=2)
+    assert "valid: an integer from 1 to 10000" in capsys.readouterr().err
+    config = json.loads((folder / "config.json").read_text())
+    (folder / "config.json").write_text(json.dumps({**config, "env": "car", "arguments": {"banana": 1}}))
+    command("play", str(folder), "--out", str(tmp_path / "run"), status=2)
+    assert "its environment is none of this version" in capsys.readouterr().err
+
+
 def test_a_checkpoint_of_another_size_is_refused(
     trained: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

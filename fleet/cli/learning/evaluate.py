@@ -59,8 +59,12 @@ class Evaluate:
         for file in filter(None, (self.json, self.table)):
             require_writable(file)
         path = self.json if self.table is None else self.json or self.table.with_suffix(".json")
+        if path is not None and self.table is not None:
+            is_other = path.resolve() != self.table.resolve()
+            require(is_other, "--table", str(self.table), "another file than the results'")
         results = ResultsFile(path)
-        turns = [turn for name in ([self.scenario] if self.scenario else SCENARIOS) for turn in self._turns(name)]
+        names = SCENARIOS if self.scenario is None else [self.scenario]
+        turns = [turn for name in names for turn in self._turns(name)]
         self._play(results, turns)
         console = _console()
         if self.table is None:

@@ -123,7 +123,7 @@ class Play:
 
     def _play_episodes(self, run: LearnedRun) -> int:
         """Episodes of the environment."""
-        from fleet.play.episodes import EPISODES, RERUN, play_episodes, write_episodes
+        from fleet.play.episodes import EPISODES, RERUN, play_episodes, require_folder, write_episodes
         from fleet.training.intervals import interval
         from fleet.training.recipes import RECIPES
 
@@ -132,6 +132,7 @@ class Play:
                 raise ConfigError(f"{option} is for a fleet, and {run.environment} is none; valid: without {option}")
         if self.record and RERUN not in run.render_modes:
             raise ConfigError(f"{run.environment} has no recordings; valid: without --record")
+        require_folder(self.out)
         changes = {"site": self.site, "n_cars": self.robots}
         changes["fidelity"] = None if self.fidelity is None else str(self.fidelity)
         changes = {name: value for name, value in changes.items() if value is not None}
@@ -164,10 +165,13 @@ class Play:
 
     def _check(self) -> None:
         """Refuse what only the command line can get wrong; the rest is checked by `RunConfig`."""
+        from fleet.evaluation.scenarios import MOST_EPISODES
+
         require(math.isfinite(self.speed) and self.speed >= 0, "--speed", self.speed, "a number >= 0")
         require(0 < self.port < 1 << 16, "--port", self.port, f"an integer from 1 to {(1 << 16) - 1}")
         require(self.stream in (None, *StreamKind), "--stream", self.stream, ", ".join(StreamKind))
-        require(self.episodes >= 1, "--episodes", self.episodes, "an integer >= 1")
+        episodes_ok = 1 <= self.episodes <= MOST_EPISODES
+        require(episodes_ok, "--episodes", self.episodes, f"an integer from 1 to {MOST_EPISODES}")
         require(self.seed >= 0, "--seed", self.seed, "an integer >= 0")
         for option, given, fits, valid in (
             ("--gui", self.gui, self.fidelity in (None, Fidelity.PHYSICS), "with --fidelity physics"),

@@ -89,6 +89,8 @@ def test_baselines_go_on_where_they_were_interrupted(
     ("words", "expected"),
     [
         (["evaluate", "--scenario", "other"], ["--scenario is 'other'", "valid: toy"]),
+        (["evaluate", "--scenario", ""], ["--scenario is ''", "valid: toy"]),
+        (["evaluate", "--table", "one.json"], ["--table is 'one.json'", "another file than the results'"]),
         (["evaluate", "--scenario", "toy", "--split", "sites"], ["--split is 'sites'", "all, train, teams"]),
         (["evaluate", "--scenario", "toy", "--episodes", "0"], ["--episodes is 0"]),
         (["evaluate", "--policy", "pibt"], ["one with --scenario"]),

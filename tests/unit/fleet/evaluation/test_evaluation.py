@@ -211,6 +211,11 @@ WRONG = [
     ("class Q: pass", "no attribute 'P'"),
     ("class P:\n    environment = 'traffic_v7'\n{act}", "plays traffic_v7; valid: one that plays traffic_v1"),
     ("class P:\n    team_sizes = (2, 5)\n{act}", "cannot play 1 agents; valid: 2 to 5"),
+    ("class P:\n    environment = 5\n{act}", "environment is 5; valid: one text or several"),
+    ("class P:\n    team_sizes = (3,)\n{act}", r"team_sizes is \(3,\); valid: two whole numbers"),
+    ("class P:\n    team_sizes = 5\n{act}", "team_sizes is 5; valid: two whole numbers"),
+    ("import sys\nsys.exit()", "SystemExit.*line 2"),
+    ("class P:\n{init}    def act(self, env, observations): raise SystemExit", "failed on traffic_v1: SystemExit"),
     ("class P:\n{act}", "gives a NoneType; valid: a dictionary"),
     ("class P:\n{init}    def act(self, env, observations): return 1 / 0", "failed on traffic_v1: ZeroDivisionError"),
 ]
@@ -248,6 +253,9 @@ def test_folders_without_what_was_learned_are_refused(toy: Scenario, tmp_path: P
         player_named(str(tmp_path), toy)
     (tmp_path / "config.json").write_text(json.dumps({**config, "env": "dispatch"}))
     with pytest.raises(PolicyError, match=r"no checkpoint\.pt"):
+        player_named(str(tmp_path), toy)
+    (tmp_path / "config.json").write_text(json.dumps({**config, "arguments": [1]}))
+    with pytest.raises(PolicyError, match=r"config\.json cannot be read"):
         player_named(str(tmp_path), toy)
 
 
