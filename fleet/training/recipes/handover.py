@@ -49,8 +49,18 @@ HANDOVER = Recipe(
     # What is loaded and delivered is counted for the arm and for the car.
     figures=("n_delivered", "n_loaded", "n_gripped", "n_lost", "n_contacts"),
     at_end={"parcels_loaded": n_loaded, "parcels_delivered": n_delivered},
-    n_steps=1_500_000,
-    ppo=replace(CLONED_FIRST, hidden=(128, 128), clone_n=700_000, anchor=0.1),
+    # All of it clones: who explores sets nothing down. A drop arm with a parcel in its grip is seen only once cars that
+    # do what they have learned come to it: runs that go on from this one (`--start-from`) learn what it does then.
+    n_steps=400_000,
+    ppo=replace(
+        CLONED_FIRST,
+        hidden=(128, 128),
+        clone_n=400_000,
+        clone_all=True,
+        clone_own=0.75,
+        log_std=-2.5,
+        learning_rate_end=1e-4,
+    ),
     arguments={"site": "cell", "n_cars": 2},
     stages=(
         # With one car there is no line at an arm, and a lost parcel is its own or its arm's.
