@@ -38,7 +38,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from benchmarks.calibration import REFERENCE_S, calibrate
-from fleet.whole_file import takes_file
+from fleet.whole_file import takes_file, write_whole
 
 EXIT_OK = 0
 EXIT_WRONG_RESULT = 1
@@ -347,9 +347,7 @@ def write_problem(path: Path) -> str | None:
 
 def write_json(path: Path, content: dict[str, Any]) -> None:
     """Write `content` as JSON, whole or not at all."""
-    part = path.with_name(f".{path.name}.part")
-    part.write_text(json.dumps(content, indent=2, allow_nan=False) + "\n", encoding="utf-8")
-    part.replace(path)
+    write_whole(path, json.dumps(content, indent=2, allow_nan=False) + "\n")
 
 
 def _limit(target: str) -> tuple[str, float]:

@@ -44,8 +44,8 @@ class Player:
         """See that it can play an environment.
 
         Raises:
-            PolicyError: It plays another environment, version or size of team.
-        TrainingError: It was trained on other observations or actions.
+            PolicyError: It plays another environment, version or size of team, or says so in no known form.
+            TrainingError: It was trained on other observations or actions.
         """
         now = env.metadata["name"]
         if self.trained_on not in (None, now):
@@ -55,7 +55,7 @@ class Player:
             try:
                 policy.check(env)  # type: ignore[attr-defined]  # only the trainer's own folder may import PyTorch
             except TrainingError as reason:
-                raise PolicyError(f"policy {self.name}: {reason}") from reason
+                raise TrainingError(f"policy {self.name}: {reason}") from reason
             return
         names, sizes = self._environments(policy), self._team_sizes(policy)
         if names and scenario.env not in names:

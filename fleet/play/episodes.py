@@ -2,23 +2,18 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from fleet.envs.core.env_config import UnknownSetting
 from fleet.envs.policies import Policy
-from fleet.errors import ConfigError
 from fleet.play.policies import LearnedRun
 from fleet.training.errors import TrainingError
 from fleet.training.evaluation import Score, play
 from fleet.training.recipes import RECIPES
-from fleet.training.results import CHECKPOINT
-from fleet.whole_file import require_place, write_whole
+from fleet.training.results import CHECKPOINT, EPISODES, make_folder
 
-EPISODES = "episodes.csv"
 RERUN = "rerun"
 """Render mode of environments that record their episodes."""
 
@@ -69,27 +64,11 @@ def require_folder(folder: Path) -> None:
     """See that figures can be written into a folder, before hours of playing; it is made.
 
     Raises:
-        ConfigError: It cannot be written, or holds a training run, whose figures have the same name.
+        TrainingError: It cannot be written, or holds a training run, whose figures have the same name.
     """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        require_place(folder / EPISODES)
-    except OSError as error:
-        raise ConfigError(f"--out {folder}: {error.strerror}; valid: a directory that can be written") from error
+    make_folder(folder, EPISODES)
     if (folder / CHECKPOINT).exists():
-        raise ConfigError(f"--out {folder}: holds a training run; valid: another directory")
-
-
-def write_episodes(folder: Path, scores: Mapping[str, Sequence[Score]], seeds: Sequence[int]) -> None:
-    """Write the figures of all episodes as a table, whole or not at all."""
-    text = io.StringIO()
-    table = csv.writer(text, lineterminator="\n")
-    names = list(next(iter(scores.values()))[0])
-    table.writerow(["policy", "seed", *names])
-    for policy, played in scores.items():
-        for seed, score in zip(seeds, played, strict=True):
-            table.writerow([policy, seed, *(f"{score[name]:.6g}" for name in names)])
-    write_whole(folder / EPISODES, text.getvalue())
+        raise TrainingError(f"--out {folder}: holds a training run; valid: another directory")
 
 
 def _made(run: LearnedRun, arguments: Mapping[str, Any]) -> Any:

@@ -18,7 +18,7 @@ from fleet.training.evaluation import AGENT_MINUTES, RETURN, Score
 from fleet.training.intervals import difference, interval
 from fleet.training.recipes import TrainingStage
 from fleet.training.settings import TrainConfig
-from fleet.whole_file import write_whole
+from fleet.whole_file import require_place, write_whole
 
 CONFIG, PROGRESS, EPISODES, EVALUATION, PLOT, RECORDING = (
     "config.json",
@@ -45,17 +45,26 @@ def prepare_folder(folder: Path, *, resume: bool) -> None:
     Raises:
         TrainingError: It cannot be used.
     """
-    config = folder / CONFIG
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        was_there = config.exists()
-        config.touch()
-        if not was_there:
-            config.unlink()
-    except OSError as error:
-        raise TrainingError(f"--out {folder}: {error.strerror}; valid: a directory that can be written") from error
+    make_folder(folder, CONFIG)
     if not resume and ((folder / PROGRESS).exists() or (folder / CHECKPOINT).exists()):
         raise TrainingError(f"--out {folder}: holds a training run; valid: --resume, or another directory")
+
+
+def make_folder(folder: Path, file: str) -> None:
+    """Make a folder, and see that a file can be written into it before that takes a long time.
+
+    Args:
+        folder: Created with its parents if it does not exist.
+        file: Name of the file.
+
+    Raises:
+        TrainingError: It cannot be made or written.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        require_place(folder / file)
+    except OSError as error:
+        raise TrainingError(f"--out {folder}: {error.strerror}; valid: a directory that can be written") from error
 
 
 def write_config(folder: Path, config: TrainConfig, stages: Sequence[TrainingStage]) -> None:

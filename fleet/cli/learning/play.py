@@ -123,9 +123,10 @@ class Play:
 
     def _play_episodes(self, run: LearnedRun) -> int:
         """Episodes of the environment."""
-        from fleet.play.episodes import EPISODES, RERUN, play_episodes, require_folder, write_episodes
+        from fleet.play.episodes import RERUN, play_episodes, require_folder
         from fleet.training.intervals import interval
         from fleet.training.recipes import RECIPES
+        from fleet.training.results import EPISODES, write_episodes
 
         for option, given in (("--tasks", self.tasks), ("--stream", self.stream), ("--rate", self.rate)):
             if given is not None:

@@ -71,9 +71,7 @@ class Train:
         if importlib.util.find_spec("torch") is None:
             raise TrainingError(f"training needs PyTorch, which is not installed; valid: {EXTRA}")
         recipe = RECIPES[self.env]
-        config = self._config(recipe)
-        recipe.survey(config.arguments, config.held)
-        return self._train(config, recipe)
+        return self._train(self._config(recipe), recipe)
 
     def _config(self, recipe: Recipe) -> TrainConfig:
         from fleet.training.settings import TrainConfig, read_settings

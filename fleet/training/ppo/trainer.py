@@ -82,13 +82,14 @@ class Trainer:
         self._recent: deque[Row] = deque(maxlen=ppo.envs_n)
         """Figures of the latest episodes of the stage."""
         self._cloning = ppo.clone_n > 0
+        self._demonstrations: dict[str, Demonstration] = {}
         if state is not None:
             self._recall(state)
         else:
             for other in config.start_from:
                 self._start_from(Path(other))
-        begins = state is None and config.demonstrations is not None
-        self._demonstrations = self._read_demonstrations(Path(str(config.demonstrations))) if begins else {}
+            if config.demonstrations is not None:
+                self._demonstrations = self._read_demonstrations(Path(config.demonstrations))
         self._batch: Batch | None = None
 
     def run(self, on_update: Callable[[Row], None], interrupted: list[int]) -> bool:

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from fleet.training.recipes.recipe import Recipe, TrainingStage, weights_of
-from fleet.training.recipes.warehouse import CLONED_FIRST
+from fleet.training.recipes.warehouse import SERVE_PHYSICS
 
 if TYPE_CHECKING:
     from fleet.envs.policies.policy import Policy
@@ -52,15 +52,7 @@ HANDOVER = Recipe(
     # All of it clones: who explores sets nothing down. A drop arm with a parcel in its grip is seen only once cars that
     # do what they have learned come to it: runs that go on from this one (`--start-from`) learn what it does then.
     n_steps=400_000,
-    ppo=replace(
-        CLONED_FIRST,
-        hidden=(128, 128),
-        clone_n=400_000,
-        clone_all=True,
-        clone_own=0.75,
-        log_std=-2.5,
-        learning_rate_end=1e-4,
-    ),
+    ppo=replace(SERVE_PHYSICS.ppo, clone_n=400_000, anchor=0.0),
     arguments={"site": "cell", "n_cars": 2},
     stages=(
         # With one car there is no line at an arm, and a lost parcel is its own or its arm's.
