@@ -358,7 +358,7 @@ def _read_state(folder: Path) -> None:
 
 
 def _read_trained(folder: Path) -> None:
-    from fleet.play.policies import learned_run
+    from fleet.training.learned_run import learned_run
 
     learned_run(folder)
 

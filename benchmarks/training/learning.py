@@ -15,9 +15,10 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from dataclasses import asdict, replace
 from functools import partial
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +27,7 @@ import numpy as np
 from benchmarks.harness import Kind, Row, Trial
 from benchmarks.training.goals import Goal, mean_of
 from benchmarks.training.lessons import LESSONS, Lesson
-from benchmarks.training.transfer import play_transfer, write_shares
+from benchmarks.training.transfer import play_transfer, write_places, write_shares
 from fleet.charts.curves import XyCurve, draw_curves
 from fleet.charts.statistics import estimate
 from fleet.training.evaluation import RETURN
@@ -60,6 +61,7 @@ def measure_lesson(recipe: str, trial: Trial) -> Iterable[Row]:
         if trial.failures:
             return
         runs = [folder / recipe / str(seed) for seed in trial.seeds]
+        _play_elsewhere(recipe, lesson, runs)
         yield from _rows(recipe, lesson, runs, promised=not trial.quick)
         if not trial.quick:
             _document(recipe, lesson, trial.seeds, runs)
@@ -91,6 +93,14 @@ def _other_settings(out: Path, recipe: str) -> str:
     today["stages"] = list(map(asdict, found.stages))
     was = json.loads((out / CONFIG).read_text(encoding="utf-8"))
     return ", ".join(name for name, value in today.items() if was.get(name) != json.loads(json.dumps(value)))
+
+
+def _play_elsewhere(recipe: str, lesson: Lesson, runs: Sequence[Path]) -> None:
+    """Play what was learned in all places, two at a time: each takes minutes."""
+    cases = [(out, name, place) for name, place in lesson.places.items() for out in runs]
+    with ProcessPoolExecutor(N_AT_ONCE, mp_context=get_context("spawn")) as pool:
+        for done in [pool.submit(play_transfer, recipe, *case) for case in cases]:
+            done.result()
 
 
 def longest(runs: Sequence[Path], minutes: float, *, promised: bool) -> Row:
@@ -167,6 +177,10 @@ def _document(recipe: str, lesson: Lesson, seeds: Sequence[int], runs: Sequence[
             head, *lines = (out / EPISODES).read_text(encoding="utf-8").splitlines()
             lines = [f"{seed},{line}" for line in lines]
             file.write("\n".join(([f"trained_from,{head}"] if seed == seeds[0] else []) + lines) + "\n")
+    places = lesson.places.items()
+    elsewhere = {name: [play_transfer(recipe, out, name, place) for out in runs] for name, place in places}
+    if elsewhere:
+        write_places(DOCUMENTS / f"{recipe}_places.csv", elsewhere)
     config = json.loads((runs[0] / CONFIG).read_text(encoding="utf-8"))
     settings = {key: value for key, value in config.items() if key not in ("seed", "versions")}
     (DOCUMENTS / f"{recipe}.json").write_text(json.dumps(settings, indent=2) + "\n", encoding="utf-8")

@@ -8,6 +8,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from benchmarks.training.goals import Success, read_episodes
 from benchmarks.training.lessons import Place
 from fleet.envs.policies import make_policy
@@ -57,6 +59,26 @@ def play_transfer(recipe: str, out: Path, name: str, place: Place) -> Path:
     spent_s = json.loads((out / EVALUATION).read_text(encoding="utf-8"))["train_cpu_s"]
     write_evaluation(folder, findings(scores, (*found.figures, *found.at_end)), cpu_s=spent_s)
     return folder
+
+
+def write_places(path: Path, places: Mapping[str, Sequence[Path]]) -> None:
+    """Write what everybody came to in every place, as means over all seeds' episodes.
+
+    Args:
+        path: A CSV file.
+        places: Evaluations, one for each seed of the training, by the name of the place.
+    """
+    with path.open("w", encoding="utf-8", newline="") as file:
+        table: Any = csv.writer(file, lineterminator="\n")
+        for place, folders in places.items():
+            rows = [row for folder in folders for row in read_episodes(folder)]
+            figures = [name for name in rows[0] if name not in ("policy", "seed")]
+            if not file.tell():
+                table.writerow(["place", "policy", "episodes", *figures])
+            for policy in dict.fromkeys(row["policy"] for row in rows):
+                own = [row for row in rows if row["policy"] == policy]
+                means = (np.mean([float(row[name]) for row in own]) for name in figures)
+                table.writerow([place, policy, len(own), *(f"{mean:.4g}" for mean in means)])
 
 
 def write_shares(path: Path, folders: Mapping[tuple[str, str], Sequence[Path]], success: Success) -> None:

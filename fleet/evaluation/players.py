@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import importlib
-import importlib.util
 import traceback
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -13,14 +12,12 @@ from typing import Any
 
 from fleet.envs.policies import POLICIES
 from fleet.envs.policies.policy import Policy, Random
-from fleet.errors import ConfigError
 from fleet.evaluation.errors import PolicyError
 from fleet.evaluation.scenarios import Scenario
 from fleet.training.errors import TrainingError
+from fleet.training.learned_run import learned_run
 from fleet.training.recipes import RECIPES
-from fleet.training.results import CHECKPOINT, CONFIG
-from maps.errors import MapsError
-from maps.reading.text_file import read_json
+from fleet.training.results import CHECKPOINT
 
 ENVIRONMENT, TEAM_SIZES = "environment", "team_sizes"
 """What a class of one's own may say of itself: the environment with its version that it plays, as one text or several;
@@ -139,28 +136,15 @@ def _own(word: str) -> Player:
 
 def _learned(folder: Path) -> Player:
     try:
-        told = read_json(folder / CONFIG)
-        env, arguments = str(told["env"]), dict(told["arguments"])
-    except (OSError, ValueError, KeyError, TypeError) as reason:
-        wrong = f"--policy {folder}: {CONFIG} cannot be read"
-        raise PolicyError(f"{wrong}; valid: a folder that fleet.train wrote") from reason
-    if env not in RECIPES:
-        raise PolicyError(f"--policy {folder} was trained on {env}; valid: {', '.join(RECIPES)}")
-    if not (folder / CHECKPOINT).is_file():
-        raise PolicyError(f"--policy {folder}: no {CHECKPOINT}; valid: a folder in which fleet.train has written one")
-    if importlib.util.find_spec("torch") is None:
-        raise PolicyError(f"--policy {folder} needs PyTorch, which is not installed; valid: pip install '.[train]'")
-    try:
-        trained_on = RECIPES[env].make(**arguments)
-    except (ConfigError, MapsError, TypeError) as reason:  # TypeError: of a single robot's environment
-        raise PolicyError(f"--policy {folder}: its environment is none of this version: {reason}") from reason
-    trained_on.close()
-    learned = importlib.import_module("fleet.training.ppo.policy").load_policy(folder)
+        run = learned_run(folder)
+        learned = run.policy(seed=0)
+    except TrainingError as reason:
+        raise PolicyError(f"--policy {reason}") from reason
     return Player(
         name=folder.as_posix(),
         make=learned.seeded,
         digest=_digest(folder / CHECKPOINT),
-        trained_on=trained_on.metadata["name"],
+        trained_on=run.environment,
     )
 
 

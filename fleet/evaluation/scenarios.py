@@ -155,8 +155,22 @@ SCENARIOS: dict[str, Scenario] = {
             "teams": _cases(("small", 3), ("small", 12), ("medium", 32)),
         },
     ),
+    "dispatch_rush": Scenario(
+        summary="cars choose their tasks; there are half as many again as they can deliver, and what counts is when",
+        env="dispatch_v0",
+        arguments=_orders_of("due_rush"),
+        headline="tardiness",
+        beside=("on_time", "delivered"),
+        reference="apparent_tardiness",
+        baselines=_DISPATCH_RULES,
+        splits={
+            "train": _cases(("small", 6), ("medium", 16)),
+            "sites": _cases(("twin", 6), ("dense", 12), (_ODD, 12)),
+            "teams": _cases(("small", 3), ("small", 12), ("medium", 32)),
+        },
+    ),
     "dispatch_busy": Scenario(
-        summary="cars choose their tasks; there are half as many again as they can deliver",
+        summary="cars choose their tasks; the same, and what counts is how much",
         env="dispatch_v0",
         arguments={"load": 1.5},
         headline="delivered",

@@ -8,14 +8,17 @@ from typing import Any
 
 from fleet.envs.core.env_config import UnknownSetting
 from fleet.envs.policies import Policy
-from fleet.play.policies import LearnedRun
+from fleet.errors import ConfigError
 from fleet.training.errors import TrainingError
 from fleet.training.evaluation import Score, play
+from fleet.training.learned_run import LearnedRun
 from fleet.training.recipes import RECIPES
 from fleet.training.results import CHECKPOINT, EPISODES, make_folder
 
 RERUN = "rerun"
 """Render mode of environments that record their episodes."""
+OPTIONS = {"--site": "site", "--robots": "n_cars", "--fidelity": "fidelity"}
+"""Options of the command line, and what environments call them."""
 
 
 def play_episodes(
@@ -25,39 +28,45 @@ def play_episodes(
     seeds: Sequence[int],
     folder: Path | None,
     on_episode: Callable[[int], None],
+    interrupted: Sequence[int] = (),
 ) -> dict[str, list[Score]]:
     """Let policies play episodes of the environment in which one of them was learned.
 
     Args:
         run: Where.
         policies: By name; the first one is what was learned, and is recorded.
-        changes: Arguments of the environment that differ from those of the training.
+        changes: What differs from the training, by option in `OPTIONS`.
         seeds: Of the episodes.
         folder: Where recordings go, one for each episode; None = nothing is recorded.
         on_episode: Called with the number of episodes played so far.
+        interrupted: No longer empty when no further episode is to begin.
 
     Returns:
-        Scores by policy, in the order of the seeds.
+        Scores by policy, in the order of the seeds; fewer where it was interrupted, and nobody who played nothing.
 
     Raises:
-        TrainingError: The environment has no such argument, cannot record, or its agents see something else then.
+        TrainingError: The environment has no such option, cannot record, or its agents see something else then.
         ConfigError: A value is outside its valid range.
     """
     recipe = RECIPES[run.recipe]
     scores: dict[str, list[Score]] = {}
     for index, (name, policy) in enumerate(policies.items()):
+        if interrupted:
+            break
         recorded = {} if folder is None or index else {"render_mode": RERUN, "record_to": folder}
-        env = _made(run, {**run.arguments, **changes, **recorded})
+        env = _made(run, changes, recorded)
         try:
             if not index:
                 run.require_fits(policy, env)
             scores[name] = []
             for seed in seeds:
+                if interrupted:
+                    break
                 scores[name].append(play(env, policy, seed, recipe.figures))
                 on_episode(sum(map(len, scores.values())))
         finally:
             env.close()
-    return scores
+    return {name: played for name, played in scores.items() if played}
 
 
 def require_folder(folder: Path) -> None:
@@ -71,8 +80,18 @@ def require_folder(folder: Path) -> None:
         raise TrainingError(f"--out {folder}: holds a training run; valid: another directory")
 
 
-def _made(run: LearnedRun, arguments: Mapping[str, Any]) -> Any:
+def _made(run: LearnedRun, changes: Mapping[str, Any], recorded: Mapping[str, Any]) -> Any:
+    arguments = {OPTIONS[option]: value for option, value in changes.items()}
     try:
-        return RECIPES[run.recipe].make(**arguments)
+        return RECIPES[run.recipe].make(**{**run.arguments, **arguments, **recorded})
     except (UnknownSetting, TypeError) as error:  # TypeError: of a single robot's environment
-        raise TrainingError(f"{run.folder}: {error}; valid: what {run.environment} knows") from error
+        unknown = [option for option in changes if OPTIONS[option] in str(error)]
+        if not unknown:
+            raise TrainingError(f"{run.folder}: {error}; valid: what {run.environment} knows") from error
+        option = unknown[0]
+        raise TrainingError(f"{option} means nothing in {run.environment}; valid: without {option}") from error
+    except ConfigError as error:
+        for option, name in OPTIONS.items():
+            if str(error).startswith(f"{name} is "):
+                raise ConfigError(str(error).replace(name, option, 1)) from error
+        raise

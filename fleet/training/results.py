@@ -93,13 +93,13 @@ def draw_progress(folder: Path, rows: Sequence[Mapping[str, float]], figure: str
 
 
 def write_episodes(folder: Path, scores: Mapping[str, Sequence[Score]], seeds: Sequence[int]) -> None:
-    """Write the scores of every policy in every episode."""
+    """Write the scores of every policy in every episode; who was interrupted has played the first of the seeds."""
     text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")
     names = list(next(iter(scores.values()))[0])
     table.writerow(["policy", "seed", *names])
     for policy, played in scores.items():
-        for seed, score in zip(seeds, played, strict=True):
+        for seed, score in zip(seeds[: len(played)], played, strict=True):
             table.writerow([policy, seed, *(f"{score[name]:.6g}" for name in names)])
     write_whole(folder / EPISODES, text.getvalue())
 

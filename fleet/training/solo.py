@@ -8,6 +8,8 @@ from typing import Any
 import gymnasium
 from pettingzoo.utils import ParallelEnv
 
+from fleet.envs.core.base import ActionError
+
 
 class SoloEnv(ParallelEnv[str, Any, Any]):
     """A single robot's environment in the form of all others.
@@ -15,11 +17,12 @@ class SoloEnv(ParallelEnv[str, Any, Any]):
     Args:
         env: The environment.
         agent: Name of its only agent, `<type>_0`.
+        name: Of the environment, with its version: `kuka_reach_v0`.
     """
 
-    def __init__(self, env: gymnasium.Env[Any, Any], agent: str) -> None:
+    def __init__(self, env: gymnasium.Env[Any, Any], agent: str, name: str) -> None:
         self.env = env
-        self.metadata = {**env.metadata, "name": "solo_v0"}
+        self.metadata = {**env.metadata, "name": name}
         self.render_mode = env.render_mode
         self.possible_agents = [agent]
         self.agents: list[str] = []
@@ -44,8 +47,15 @@ class SoloEnv(ParallelEnv[str, Any, Any]):
         return {agent: observation}, {agent: info}
 
     def step(self, actions: Mapping[str, Any]) -> tuple[dict[str, Any], ...]:
-        """See `ParallelEnv`."""
+        """See `ParallelEnv`.
+
+        Raises:
+            ActionError: There is no action of the agent.
+        """
         agent = self.possible_agents[0]
+        if agent not in actions:
+            told = ", ".join(map(str, actions)) or "nothing"
+            raise ActionError(f"actions: of {told}, and not of {agent}; valid: one of {agent}")
         observation, reward, terminated, truncated, info = self.env.step(actions[agent])
         if terminated or truncated:
             self.agents = []

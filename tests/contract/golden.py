@@ -49,7 +49,7 @@ class GoldenCase:
         """Make the environment."""
         if self.env in SOLO:
             kind, agent = SOLO[self.env]
-            return SoloEnv(kind(**self.arguments), agent)
+            return SoloEnv(kind(**self.arguments), agent, self.env)
         return importlib.import_module(f"fleet.envs.{self.env}").parallel_env(**self.arguments)
 
 

@@ -69,8 +69,15 @@ def test_episodes_are_not_played_where_their_figures_cannot_be_kept(
         assert said in told
         assert told.count("\n") == 1
     assert (folder / "episodes.csv").read_text() == before
-    command("play", str(folder), "--episodes", "100000000000000000000", "--out", str(tmp_path / "run"), status=2)
-    assert "valid: an integer from 1 to 10000" in capsys.readouterr().err
+    run = ("play", str(folder), "--out", str(tmp_path / "run"))
+    for words, said in (
+        (("--episodes", "100000000000000000000"), "valid: an integer from 1 to 10000"),
+        (("--gui",), "--gui is for a fleet, and navigate_v1 is none; valid: without --gui"),
+        (("--duration", "3"), "--duration is for a fleet"),
+        (("--robots", "0"), "--robots is 0; valid: "),
+    ):
+        command(*run, *words, status=2)
+        assert said in capsys.readouterr().err
     config = json.loads((folder / "config.json").read_text())
     (folder / "config.json").write_text(json.dumps({**config, "env": "car", "arguments": {"banana": 1}}))
     command("play", str(folder), "--out", str(tmp_path / "run"), status=2)

@@ -54,6 +54,8 @@ class Evaluate:
         require(episodes_ok, "--episodes", self.episodes, f"an integer from 1 to {MOST_EPISODES}")
         if self.scenario is None and self.table is None:
             require(self.policy is None, "--policy", self.policy, "one with --scenario")
+            require(self.split == "all", "--split", self.split, "one with --scenario")
+            require(self.json is None, "--json", self.json, "one with --scenario, or with --table")
             _console().print(_list())
             return DONE
         for file in filter(None, (self.json, self.table)):

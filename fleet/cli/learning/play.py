@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -11,16 +12,20 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 from rich.table import Table
 
-from fleet.cli.run_output import exit_status, plain_console, run_table, show_recording
+from fleet.cli.run_output import ALL_DONE, INTERRUPTED, exit_status, plain_console, run_table, show_recording
 from fleet.config import Connect, Fidelity, RunConfig, StreamConfig, StreamKind, require
 from fleet.errors import ConfigError
+from fleet.terminal.interrupts import interrupts
 from fleet.terminal.progress_bar import Bar
 
 if TYPE_CHECKING:  # takes a second to load
-    from fleet.play.policies import LearnedRun
+    from fleet.envs.policies import Policy
+    from fleet.training.learned_run import LearnedRun
 
-SCRIPTED = "scripted"
-"""Heading and folder of the run without policies."""
+PLAYED, SCRIPTED = "played", "scripted"
+"""Headings of the run with policies and of the one without, which is the latter's folder, too."""
+OF_A_FLEET = ("tasks", "stream", "rate", "duration", "serve", "port", "speed", "gui")
+"""Options that mean nothing to an environment."""
 USUAL_SITE, USUAL_ROBOTS = "small", 3
 """Those of the demo."""
 
@@ -80,7 +85,8 @@ class Play:
             name: value for name in ("dispatch", "traffic", "docking") if (value := getattr(self, name)) is not None
         }
         if self.folder is not None:
-            from fleet.play.policies import LAYERS, learned_run
+            from fleet.play.policies import LAYERS
+            from fleet.training.learned_run import learned_run
 
             run = learned_run(Path(self.folder))
             if run.layer not in told and run.layer in LAYERS:
@@ -98,6 +104,7 @@ class Play:
 
     def _play_fleet(self, told: dict[str, str]) -> int:
         """A run of the fleet."""
+        self._refuse(("episodes",), "is for an environment that is played, and this is a run of a fleet")
         from fleet.play.decisions import write_decisions
         from fleet.play.policies import played_policy
         from fleet.play.simulation import PlayedSimulation
@@ -109,7 +116,7 @@ class Play:
         session = SessionConfig(out=self.out, record=self.record, serve=self.serve, port=self.port, speed=self.speed)
         result = run_session(config, session, functools.partial(PlayedSimulation, policies=policies))
         write_decisions(self.out / DECISIONS, {part: one.decisions for part, one in policies.items()})
-        columns = {"played": vars(result)}
+        columns = {PLAYED: vars(result)}
         if self.compare and not result.interrupted:
             beside = replace(session, out=self.out / SCRIPTED, record=False, serve=False)
             columns[SCRIPTED] = vars(run_session(config, beside))
@@ -128,41 +135,58 @@ class Play:
         from fleet.training.recipes import RECIPES
         from fleet.training.results import EPISODES, write_episodes
 
-        for option, given in (("--tasks", self.tasks), ("--stream", self.stream), ("--rate", self.rate)):
-            if given is not None:
-                raise ConfigError(f"{option} is for a fleet, and {run.environment} is none; valid: without {option}")
+        self._refuse(OF_A_FLEET, f"is for a fleet, and {run.environment} is none")
         if self.record and RERUN not in run.render_modes:
             raise ConfigError(f"{run.environment} has no recordings; valid: without --record")
         require_folder(self.out)
-        changes = {"site": self.site, "n_cars": self.robots}
-        changes["fidelity"] = None if self.fidelity is None else str(self.fidelity)
-        changes = {name: value for name, value in changes.items() if value is not None}
-        policies = {"played": run.policy(self.seed)}
+        asked = {"--site": self.site, "--robots": self.robots}
+        asked["--fidelity"] = None if self.fidelity is None else str(self.fidelity)
+        changes = {option: value for option, value in asked.items() if value is not None}
+        policies: dict[str, Policy] = {PLAYED: run.policy(self.seed)}
         if self.compare:
             policies[SCRIPTED] = RECIPES[run.recipe].scripted()
         seeds = list(range(self.seed, self.seed + self.episodes))
         total = len(seeds) * len(policies)
-        with Bar(total, "episodes", shown=True) as bar:
+        with interrupts() as interrupted, Bar(total, "episodes", shown=True) as bar:
 
             def progress(done: int) -> None:
                 if bar.due():
                     bar.show(done, run.environment, f"{done} of {total} episodes")
 
-            scores = play_episodes(run, policies, changes, seeds, self.out if self.record else None, progress)
+            folder = self.out if self.record else None
+            scores = play_episodes(run, policies, changes, seeds, folder, progress, interrupted)
+        if not scores:
+            raise KeyboardInterrupt
         write_episodes(self.out, scores, seeds)
-        table = Table(title=f"{run.environment}: mean of {len(seeds)} episodes [95 % interval]")
+        n_played = sum(map(len, scores.values()))
+        table = Table(title=f"{run.environment}: mean of {len(scores[PLAYED])} episodes [95 % interval]")
         table.add_column("figure")
-        for name in scores:
-            table.add_column(name, justify="right")
+        for name, played in scores.items():
+            is_cut = len(played) < len(scores[PLAYED])
+            table.add_column(f"{name}, {len(played)} of them" if is_cut else name, justify="right")
         for figure in next(iter(scores.values()))[0]:
             table.add_row(figure, *(str(interval([one[figure] for one in played])) for played in scores.values()))
         console = plain_console()
         console.print(table)
         console.print(f"results: {self.out / EPISODES}", soft_wrap=True)
         if self.record:
-            for recording in sorted(self.out.glob("episode_*.rrd"))[: len(seeds)]:
+            for recording in sorted(self.out.glob("episode_*.rrd"))[: len(scores[PLAYED])]:
                 show_recording(console, recording, view=self.view)
-        return 0
+        if n_played < total:
+            console.print(f"interrupted: {n_played} of {total} episodes were played", soft_wrap=True)
+            return INTERRUPTED
+        return ALL_DONE
+
+    def _refuse(self, options: Sequence[str], why: str) -> None:
+        """Refuse options that are not as they come.
+
+        Raises:
+            ConfigError: One of them is.
+        """
+        usual = type(self)()
+        for name in options:
+            if getattr(self, name) != getattr(usual, name):
+                raise ConfigError(f"--{name} {why}; valid: without --{name}")
 
     def _check(self) -> None:
         """Refuse what only the command line can get wrong; the rest is checked by `RunConfig`."""

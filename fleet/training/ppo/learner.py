@@ -13,10 +13,10 @@ import torch
 from gymnasium.spaces import Box
 from torch import Tensor
 
-from fleet.training.advantages import advantages
 from fleet.training.batch import AgentType, TypeView
 from fleet.training.demonstrations import Demonstration
 from fleet.training.normalizer import Normalizer
+from fleet.training.ppo.advantages import advantages
 from fleet.training.ppo.network import Network
 from fleet.training.settings import PpoConfig
 

@@ -61,6 +61,12 @@ def test_the_gap_is_from_the_best_rule_to_the_oracle(tmp_path: Path) -> None:
     row = Gap(figure="late", target=">= 0.5").row([folder])
     assert row.value == pytest.approx(0.5)
     assert "from hungarian to rollout" in row.unit
+    late["learned"] = 4.0
+    more = {name: [{"late": x}, {"late": x + (name == "learned")}] for name, x in late.items()}
+    write_episodes(folder, {name: list(map(dict, rows)) for name, rows in more.items()}, range(2))
+    row = Gap(figure="late", target=">= 0.5").row([folder])
+    assert row.value == pytest.approx(0.75), "the worse of both episodes, as a resample may have it twice"
+    assert "mean 0.88" in row.unit
     write_episodes(folder, {name: [{"late": 4.0}] for name in late}, [0])
     assert math.isnan(Gap(figure="late", target=">= 0.5").row([folder]).value)
 

@@ -4,7 +4,7 @@ import csv
 from pathlib import Path
 
 from benchmarks.training.goals import Success
-from benchmarks.training.transfer import write_shares
+from benchmarks.training.transfer import write_places, write_shares
 from fleet.training.results import write_episodes
 
 
@@ -30,3 +30,17 @@ def test_the_table_counts_successes_of_all_seeds_and_of_each(tmp_path: Path) -> 
     ]
     assert all(float(row["low"]) <= float(row["success"]) <= float(row["high"]) for row in rows)
     assert float(rows[0]["high"]) < 1.0
+
+
+def test_places_have_means_over_all_seeds(tmp_path: Path) -> None:
+    for name, learned in (("one", 1.0), ("other", 2.0)):
+        (tmp_path / name).mkdir()
+        write_episodes(tmp_path / name, {"learned": [{"late": learned}], "rollout": [{"late": 3.0}]}, [7])
+    write_places(tmp_path / "table.csv", {"wide": [tmp_path / "one", tmp_path / "other"], "far": [tmp_path / "one"]})
+    assert (tmp_path / "table.csv").read_text().splitlines() == [
+        "place,policy,episodes,late",
+        "wide,learned,2,1.5",
+        "wide,rollout,2,3",
+        "far,learned,1,1",
+        "far,rollout,1,3",
+    ]

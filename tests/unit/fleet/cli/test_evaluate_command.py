@@ -90,12 +90,17 @@ def test_baselines_go_on_where_they_were_interrupted(
     [
         (["evaluate", "--scenario", "other"], ["--scenario is 'other'", "valid: toy"]),
         (["evaluate", "--scenario", ""], ["--scenario is ''", "valid: toy"]),
+        (["evaluate", "--split", "teams"], ["--split is 'teams'", "valid: one with --scenario"]),
+        (["evaluate", "--json", "one.json"], ["--json is", "valid: one with --scenario, or with --table"]),
         (["evaluate", "--table", "one.json"], ["--table is 'one.json'", "another file than the results'"]),
         (["evaluate", "--scenario", "toy", "--split", "sites"], ["--split is 'sites'", "all, train, teams"]),
         (["evaluate", "--scenario", "toy", "--episodes", "0"], ["--episodes is 0"]),
         (["evaluate", "--policy", "pibt"], ["one with --scenario"]),
         (["evaluate", "--scenario", "toy", "--policy", "nearest"], ["one of layer dispatch", "shortest_way"]),
-        (["evaluate", "--scenario", "toy", "--policy", "."], ["a folder that fleet.train wrote"]),
+        (
+            ["evaluate", "--scenario", "toy", "--policy", "."],
+            ["there is no checkpoint.pt; valid: a folder of fleet train"],
+        ),
         (["evaluate", "--scenario", "toy", "--json", "no/where.json"], ["no/where.json cannot be written"]),
         (["evaluate", "--scenario", "toy", "--table", "."], ["cannot be written"]),
         (["dataset", "--scenario", "toy", "--out", "."], ["is there already"]),

@@ -17,9 +17,10 @@ from fleet.insight.metrics import Summary
 from fleet.missions.phases import CarPhase
 from fleet.play.decisions import Decisions
 from fleet.play.docking import DockingDriver
-from fleet.play.policies import LearnedRun, PlayedPolicy, played_policy
+from fleet.play.policies import PlayedPolicy, played_policy
 from fleet.play.simulation import PlayedSimulation
 from fleet.simulation import Simulation
+from fleet.training.learned_run import LearnedRun
 from fleet.world.protocol import World
 
 

@@ -7,8 +7,9 @@ from typing import Any
 
 import pytest
 
-from fleet.play.policies import learned_run, played_policy
+from fleet.play.policies import played_policy
 from fleet.training.errors import TrainingError
+from fleet.training.learned_run import learned_run
 
 
 def folder_of(path: Path, **told: Any) -> Path:

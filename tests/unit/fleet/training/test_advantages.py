@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fleet.training.advantages import advantages
+from fleet.training.ppo.advantages import advantages
 
 
 def column(*values: float) -> np.ndarray:

@@ -1,0 +1,66 @@
+"""Episodes of an environment: what differs is told by options, and an interrupt loses nothing that was played."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from fleet.envs.policies import Policy
+from fleet.errors import ConfigError
+from fleet.play.episodes import play_episodes
+from fleet.training.errors import TrainingError
+from fleet.training.learned_run import LearnedRun
+from fleet.training.recipes import RECIPES
+from fleet.training.results import write_episodes
+
+SHORT = {"max_cycles": 3}
+
+
+def run_of(recipe: str, **arguments: object) -> LearnedRun:
+    return LearnedRun(folder=Path("run"), recipe=recipe, arguments=arguments, environment=recipe, render_modes=())
+
+
+def script_of(run: LearnedRun) -> Policy:
+    """A script that says that it fits everywhere."""
+    policy = RECIPES[run.recipe].scripted()
+    policy.check = lambda env: None  # type: ignore[attr-defined]
+    return policy
+
+
+def test_an_interrupt_keeps_what_was_played(tmp_path: Path) -> None:
+    run, interrupted = run_of("dispatch", site="cell", n_cars=2, **SHORT), [2]
+    policies = {"played": script_of(run), "scripted": script_of(run)}
+
+    def stop(done: int) -> None:
+        if done == 3:
+            interrupted.append(done)
+
+    assert play_episodes(run, policies, {}, [1, 2], None, stop, interrupted) == {}
+    interrupted.clear()
+    scores = play_episodes(run, policies, {}, [1, 2], None, stop, interrupted)
+    assert {name: len(played) for name, played in scores.items()} == {"played": 2, "scripted": 1}
+    write_episodes(tmp_path, scores, [1, 2])
+    lines = (tmp_path / "episodes.csv").read_text().splitlines()
+    assert [line.split(",")[:2] for line in lines[1:]] == [["played", "1"], ["played", "2"], ["scripted", "1"]]
+
+
+@pytest.mark.parametrize(
+    ("recipe", "changes", "told"),
+    [
+        ("reach", {"--robots": 2}, "--robots means nothing in reach; valid: without --robots"),
+        ("reach", {"--site": "cell"}, "--site means nothing in reach; valid: without --site"),
+    ],
+)
+def test_what_an_environment_does_not_know_is_told_by_its_option(
+    recipe: str, changes: dict[str, object], told: str
+) -> None:
+    run = run_of(recipe)
+    with pytest.raises(TrainingError, match=told):
+        play_episodes(run, {"played": script_of(run)}, changes, [1], None, lambda done: None)
+
+
+def test_a_value_is_refused_by_its_option() -> None:
+    run = run_of("dispatch", site="cell", n_cars=2)
+    with pytest.raises(ConfigError, match=r"^--robots is -1; valid: "):
+        play_episodes(run, {"played": script_of(run)}, {"--robots": -1}, [1], None, lambda done: None)
