@@ -14,6 +14,8 @@ from fleet.training.learned_run import LearnedRun, learned_run
 
 LAYERS = {"dispatch": "dispatch", "traffic": "traffic", "docking": "warehouse"}
 """Parts of a fleet that policies can play, and the environments in which such policies are learned."""
+_OF_ARMS = frozenset(("planned_arms", "pointing_arms"))
+"""Policies of the warehouse layer that drive no car."""
 _OF_THE_RUN = frozenset(
     (
         "site",
@@ -71,10 +73,11 @@ def played_policy(part: str, told: str, seed: int) -> PlayedPolicy:
         TrainingError: It is neither; or the run learned something else.
     """
     layer = LAYERS[part]
-    if told in POLICIES[layer]:
+    scripted = [name for name in POLICIES[layer] if name not in _OF_ARMS]
+    if told in scripted:
         return PlayedPolicy(policy=make_policy(layer, told, seed), decisions=Decisions(policy=told))
     if not Path(told).is_dir():
-        valid = f"{', '.join(POLICIES[layer])}, or a folder of fleet train"
+        valid = f"{', '.join(scripted)}, or a folder of fleet train"
         raise TrainingError(f"--{part} is {told!r}; valid: {valid}")
     run = learned_run(Path(told))
     if run.layer != layer:

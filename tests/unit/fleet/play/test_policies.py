@@ -34,6 +34,8 @@ def test_scripted_policies_have_names() -> None:
         TrainingError, match=r"--traffic is 'fast'; valid: random, .*pibt.*, or a folder of fleet train"
     ):
         played_policy("traffic", "fast", 0)
+    with pytest.raises(TrainingError, match=r"--docking is 'pointing_arms'; valid: random, pursuit, classical, or"):
+        played_policy("docking", "pointing_arms", 0)
 
 
 def test_a_policy_of_another_layer_is_refused(tmp_path: Path) -> None:
