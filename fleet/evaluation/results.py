@@ -14,7 +14,7 @@ from fleet.evaluation.players import Player
 from fleet.evaluation.scenarios import scenario_named
 from fleet.evaluation.scores import SplitScores
 from fleet.whole_file import takes_file, write_whole
-from maps.reading.text_file import read_json
+from maps.reading.text_file import FileError, read_json
 
 FORMAT = 1
 """Of the file."""
@@ -91,6 +91,9 @@ def _read(path: Path) -> list[SplitScores]:
         if told["format"] != FORMAT:
             raise ValueError(f"format {told['format']!r}")
         return [SplitScores(**one) for one in told["scores"]]
+    except FileError as reason:  # names the file
+        told, _, _ = str(reason).partition("; valid")
+        raise EvaluationError(f"{told}; valid: results of fleet.evaluate, format {FORMAT}") from reason
     except (OSError, ValueError, KeyError, TypeError) as reason:
         raise EvaluationError(f"{path}: {reason}; valid: results of fleet.evaluate, format {FORMAT}") from reason
 

@@ -156,7 +156,7 @@ SCENARIOS: dict[str, Scenario] = {
         },
     ),
     "dispatch_rush": Scenario(
-        summary="cars choose their tasks; there are half as many again as they can deliver, and what counts is when",
+        summary="cars choose their tasks; there are half as many again as they can deliver; what counts is when",
         env="dispatch_v0",
         arguments=_orders_of("due_rush"),
         headline="tardiness",
@@ -170,7 +170,7 @@ SCENARIOS: dict[str, Scenario] = {
         },
     ),
     "dispatch_busy": Scenario(
-        summary="cars choose their tasks; the same, and what counts is how much",
+        summary="cars choose their tasks; there are half as many again as they can deliver; what counts is how many",
         env="dispatch_v0",
         arguments={"load": 1.5},
         headline="delivered",

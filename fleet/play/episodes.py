@@ -39,7 +39,8 @@ def play_episodes(
         seeds: Of the episodes.
         folder: Where recordings go, one for each episode; None = nothing is recorded.
         on_episode: Called with the number of episodes played so far.
-        interrupted: No longer empty when no further episode is to begin.
+        interrupted: No longer empty when no further episode is to begin; a `KeyboardInterrupt` ends the one under way,
+            too.
 
     Returns:
         Scores by policy, in the order of the seeds; fewer where it was interrupted, and nobody who played nothing.
@@ -49,7 +50,7 @@ def play_episodes(
         ConfigError: A value is outside its valid range.
     """
     recipe = RECIPES[run.recipe]
-    scores: dict[str, list[Score]] = {}
+    scores: dict[str, list[Score]] = {name: [] for name in policies}
     for index, (name, policy) in enumerate(policies.items()):
         if interrupted:
             break
@@ -58,12 +59,13 @@ def play_episodes(
         try:
             if not index:
                 run.require_fits(policy, env)
-            scores[name] = []
             for seed in seeds:
                 if interrupted:
                     break
-                scores[name].append(play(env, policy, seed, recipe.figures))
+                scores[name].append(play(env, policy, seed, recipe.figures, recipe.at_end))
                 on_episode(sum(map(len, scores.values())))
+        except KeyboardInterrupt:  # a second one: the episode that was under way is lost, not those before it
+            break
         finally:
             env.close()
     return {name: played for name, played in scores.items() if played}
@@ -92,6 +94,6 @@ def _made(run: LearnedRun, changes: Mapping[str, Any], recorded: Mapping[str, An
         raise TrainingError(f"{option} means nothing in {run.environment}; valid: without {option}") from error
     except ConfigError as error:
         for option, name in OPTIONS.items():
-            if str(error).startswith(f"{name} is "):
+            if str(error).startswith(f"{name} "):
                 raise ConfigError(str(error).replace(name, option, 1)) from error
         raise

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from fleet.evaluation.scores import SplitScores
 
 DONE = 0
+EPISODES = 50
+"""Of each split, as published."""
 PLAIN_WIDTH = 160
 """Columns of a table that goes to a file or a pipe."""
 
@@ -36,7 +38,7 @@ class Evaluate:
     fleet."""
     split: str = "all"
     """train (what may be trained on), sites (floors never seen), teams (team sizes never seen), or all."""
-    episodes: int = 50
+    episodes: int = EPISODES
     """Episodes of each split; what is published has 50."""
     json: Path | None = None
     """File for the results, episode by episode; what is in it already is not played again."""
@@ -55,7 +57,8 @@ class Evaluate:
         if self.scenario is None and self.table is None:
             require(self.policy is None, "--policy", self.policy, "one with --scenario")
             require(self.split == "all", "--split", self.split, "one with --scenario")
-            require(self.json is None, "--json", self.json, "one with --scenario, or with --table")
+            require(self.json is None, "--json", str(self.json), "one with --scenario, or with --table")
+            require(self.episodes == EPISODES, "--episodes", self.episodes, "other than usual with --scenario only")
             _console().print(_list())
             return DONE
         for file in filter(None, (self.json, self.table)):

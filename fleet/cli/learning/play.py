@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -20,6 +20,7 @@ from fleet.terminal.progress_bar import Bar
 
 if TYPE_CHECKING:  # takes a second to load
     from fleet.envs.policies import Policy
+    from fleet.training.evaluation import Score
     from fleet.training.learned_run import LearnedRun
 
 PLAYED, SCRIPTED = "played", "scripted"
@@ -105,6 +106,11 @@ class Play:
     def _play_fleet(self, told: dict[str, str]) -> int:
         """A run of the fleet."""
         self._refuse(("episodes",), "is for an environment that is played, and this is a run of a fleet")
+        is_physics = self.fidelity in (None, Fidelity.PHYSICS)
+        self._require_with("--gui", self.gui, is_physics, "--fidelity physics")
+        self._require_with("--serve", self.serve, self.record, "--record")
+        self._require_with("--rate", self.rate is not None, self.stream is not None, "--stream")
+        self._require_with("--view", self.view, self.record, "--record")
         from fleet.play.decisions import write_decisions
         from fleet.play.policies import played_policy
         from fleet.play.simulation import PlayedSimulation
@@ -116,35 +122,36 @@ class Play:
         session = SessionConfig(out=self.out, record=self.record, serve=self.serve, port=self.port, speed=self.speed)
         result = run_session(config, session, functools.partial(PlayedSimulation, policies=policies))
         write_decisions(self.out / DECISIONS, {part: one.decisions for part, one in policies.items()})
-        columns = {PLAYED: vars(result)}
+        results = {PLAYED: result}
         if self.compare and not result.interrupted:
             beside = replace(session, out=self.out / SCRIPTED, record=False, serve=False)
-            columns[SCRIPTED] = vars(run_session(config, beside))
+            results[SCRIPTED] = run_session(config, beside)
         console = plain_console()
-        console.print(run_table(columns))
+        console.print(run_table({name: vars(one) for name, one in results.items()}))
         for part, one in policies.items():
             console.print(f"{part} by {one.decisions}", soft_wrap=True)
         if self.record:
             show_recording(console, self.out / RECORDING, view=self.view)
-        return exit_status(console, result, self.duration)
+        cut = next((one for one in results.values() if one.interrupted), result)
+        return exit_status(console, cut, self.duration)
 
     def _play_episodes(self, run: LearnedRun) -> int:
         """Episodes of the environment."""
         from fleet.play.episodes import RERUN, play_episodes, require_folder
-        from fleet.training.intervals import interval
         from fleet.training.recipes import RECIPES
-        from fleet.training.results import EPISODES, write_episodes
+        from fleet.training.results import write_episodes
 
         self._refuse(OF_A_FLEET, f"is for a fleet, and {run.environment} is none")
         if self.record and RERUN not in run.render_modes:
             raise ConfigError(f"{run.environment} has no recordings; valid: without --record")
-        require_folder(self.out)
+        self._require_with("--view", self.view, self.record, "--record")
         asked = {"--site": self.site, "--robots": self.robots}
         asked["--fidelity"] = None if self.fidelity is None else str(self.fidelity)
         changes = {option: value for option, value in asked.items() if value is not None}
         policies: dict[str, Policy] = {PLAYED: run.policy(self.seed)}
         if self.compare:
             policies[SCRIPTED] = RECIPES[run.recipe].scripted()
+        require_folder(self.out)
         seeds = list(range(self.seed, self.seed + self.episodes))
         total = len(seeds) * len(policies)
         with interrupts() as interrupted, Bar(total, "episodes", shown=True) as bar:
@@ -158,24 +165,36 @@ class Play:
         if not scores:
             raise KeyboardInterrupt
         write_episodes(self.out, scores, seeds)
-        n_played = sum(map(len, scores.values()))
-        table = Table(title=f"{run.environment}: mean of {len(scores[PLAYED])} episodes [95 % interval]")
+        return self._tell_episodes(run, scores, total)
+
+    def _tell_episodes(self, run: LearnedRun, scores: Mapping[str, Sequence[Score]], total: int) -> int:
+        """Print what episodes came to; returns the exit status."""
+        from fleet.training.intervals import interval
+        from fleet.training.results import EPISODES
+
+        n_whole, n_played = len(scores[PLAYED]), sum(map(len, scores.values()))
+        table = Table(title=f"{run.environment}: mean of {n_whole} episodes [95 % interval]")
         table.add_column("figure")
         for name, played in scores.items():
-            is_cut = len(played) < len(scores[PLAYED])
-            table.add_column(f"{name}, {len(played)} of them" if is_cut else name, justify="right")
-        for figure in next(iter(scores.values()))[0]:
+            table.add_column(name if len(played) == n_whole else f"{name}, {len(played)} of them", justify="right")
+        for figure in scores[PLAYED][0]:
             table.add_row(figure, *(str(interval([one[figure] for one in played])) for played in scores.values()))
         console = plain_console()
         console.print(table)
         console.print(f"results: {self.out / EPISODES}", soft_wrap=True)
         if self.record:
-            for recording in sorted(self.out.glob("episode_*.rrd"))[: len(scores[PLAYED])]:
+            for recording in sorted(self.out.glob("episode_*.rrd"))[:n_whole]:
                 show_recording(console, recording, view=self.view)
         if n_played < total:
             console.print(f"interrupted: {n_played} of {total} episodes were played", soft_wrap=True)
             return INTERRUPTED
         return ALL_DONE
+
+    @staticmethod
+    def _require_with(option: str, given: bool, fits: bool, other: str) -> None:
+        """Refuse an option that needs another one."""
+        if given and not fits:
+            raise ConfigError(f"{option} does not go with the other options; valid: {option} with {other}")
 
     def _refuse(self, options: Sequence[str], why: str) -> None:
         """Refuse options that are not as they come.
@@ -198,14 +217,6 @@ class Play:
         episodes_ok = 1 <= self.episodes <= MOST_EPISODES
         require(episodes_ok, "--episodes", self.episodes, f"an integer from 1 to {MOST_EPISODES}")
         require(self.seed >= 0, "--seed", self.seed, "an integer >= 0")
-        for option, given, fits, valid in (
-            ("--gui", self.gui, self.fidelity in (None, Fidelity.PHYSICS), "with --fidelity physics"),
-            ("--serve", self.serve, self.record, "with --record"),
-            ("--view", self.view, self.record, "with --record"),
-            ("--rate", self.rate is not None, self.stream is not None, "with --stream"),
-        ):
-            if given and not fits:
-                raise ConfigError(f"{option} does not go with the other options; valid: {option} {valid}")
 
     def _run_config(self) -> RunConfig:
         stream = None

@@ -245,18 +245,17 @@ def test_policies_that_there_are_not_are_refused(toy: Scenario, word: str, words
 
 
 def test_folders_without_what_was_learned_are_refused(toy: Scenario, tmp_path: Path) -> None:
-    with pytest.raises(PolicyError, match=r"valid: a folder that fleet\.train wrote"):
+    with pytest.raises(PolicyError, match=r"^--policy .*there is no checkpoint\.pt; valid: a folder of fleet train"):
         player_named(str(tmp_path), toy)
-    config = {"env": "sorting", "arguments": {}}
-    (tmp_path / "config.json").write_text(json.dumps(config))
-    with pytest.raises(PolicyError, match="trained on sorting"):
-        player_named(str(tmp_path), toy)
-    (tmp_path / "config.json").write_text(json.dumps({**config, "env": "dispatch"}))
-    with pytest.raises(PolicyError, match=r"no checkpoint\.pt"):
-        player_named(str(tmp_path), toy)
-    (tmp_path / "config.json").write_text(json.dumps({**config, "arguments": [1]}))
-    with pytest.raises(PolicyError, match=r"config\.json cannot be read"):
-        player_named(str(tmp_path), toy)
+    (tmp_path / "checkpoint.pt").write_bytes(b"weights")
+    for config, words in (
+        ({"env": "sorting", "arguments": {}}, "was trained by recipe 'sorting'; valid: "),
+        ({"env": "dispatch", "arguments": [1]}, r"config\.json: cannot be read; valid: what fleet train wrote"),
+        ({"env": "dispatch", "arguments": {"altitude": 3}}, "its environment is none of this version"),
+    ):
+        (tmp_path / "config.json").write_text(json.dumps(config))
+        with pytest.raises(PolicyError, match=f"^--policy {tmp_path}.*{words}"):
+            player_named(str(tmp_path), toy)
 
 
 def test_what_was_learned_elsewhere_is_refused(toy: Scenario) -> None:

@@ -45,6 +45,30 @@ def test_an_interrupt_keeps_what_was_played(tmp_path: Path) -> None:
     assert [line.split(",")[:2] for line in lines[1:]] == [["played", "1"], ["played", "2"], ["scripted", "1"]]
 
 
+def test_a_second_interrupt_ends_the_episode_and_keeps_those_before_it() -> None:
+    run = run_of("dispatch_due", site="cell", n_cars=2, **SHORT)
+
+    class Impatient:
+        """Is interrupted in the middle of the second episode."""
+
+        def __init__(self) -> None:
+            self.n_asked = 0
+
+        def check(self, env: object) -> None:
+            """It fits everywhere."""
+
+        def act(self, env: object, observations: dict[str, object]) -> dict[str, object]:
+            """Nobody takes anything."""
+            self.n_asked += 1
+            if self.n_asked == SHORT["max_cycles"] + 2:
+                raise KeyboardInterrupt
+            return dict.fromkeys(observations, 0)
+
+    scores = play_episodes(run, {"played": Impatient()}, {}, [1, 2, 3], None, lambda done: None)
+    assert len(scores["played"]) == 1
+    assert "tardiness_min" in scores["played"][0], "figures of the end of an episode are told as by the training"
+
+
 @pytest.mark.parametrize(
     ("recipe", "changes", "told"),
     [

@@ -64,6 +64,8 @@ def test_a_recipe_or_a_setting_of_another_version_is_refused(tmp_path: Path) -> 
         learned_run(folder_of(tmp_path / "juggle", env="juggle"))
     with pytest.raises(TrainingError, match=r"its environment is none of this version: .*unknown setting altitude"):
         learned_run(folder_of(tmp_path / "old", arguments={"altitude": 3}))
+    with pytest.raises(TrainingError, match=r"light: its environment is none of this version: .*weights is 5"):
+        learned_run(folder_of(tmp_path / "light", arguments={"weights": 5}))
 
 
 def test_without_torch_the_extra_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
