@@ -46,27 +46,27 @@ class Player:
         """
         now = env.metadata["name"]
         if self.trained_on not in (None, now):
-            raise PolicyError(f"policy {self.name} was trained on {self.trained_on}; valid: one trained on {now}")
+            raise PolicyError(f"--policy {self.name} was trained on {self.trained_on}; valid: one trained on {now}")
         policy = self.make(0)
         if self.trained_on is not None:
             try:
                 policy.check(env)  # type: ignore[attr-defined]  # only the trainer's own folder may import PyTorch
             except TrainingError as reason:
-                raise TrainingError(f"policy {self.name}: {reason}") from reason
+                raise TrainingError(f"--policy {self.name}: {reason}") from reason
             return
         names, sizes = self._environments(policy), self._team_sizes(policy)
         if names and scenario.env not in names:
-            raise PolicyError(f"policy {self.name} plays {', '.join(names)}; valid: one that plays {scenario.env}")
+            raise PolicyError(f"--policy {self.name} plays {', '.join(names)}; valid: one that plays {scenario.env}")
         n = len(env.possible_agents)
         if sizes and not sizes[0] <= n <= sizes[1]:
-            raise PolicyError(f"policy {self.name} cannot play {n} agents; valid: {sizes[0]} to {sizes[1]}")
+            raise PolicyError(f"--policy {self.name} cannot play {n} agents; valid: {sizes[0]} to {sizes[1]}")
 
     def _environments(self, policy: Policy) -> tuple[str, ...]:
         """What a policy says that it plays; empty: nothing."""
         told = getattr(policy, ENVIRONMENT, ())
         names = (told,) if isinstance(told, str) else told
         if not isinstance(names, tuple | list) or not all(isinstance(name, str) for name in names):
-            raise PolicyError(f"policy {self.name}: {ENVIRONMENT} is {told!r}; valid: one text or several")
+            raise PolicyError(f"--policy {self.name}: {ENVIRONMENT} is {told!r}; valid: one text or several")
         return tuple(names)
 
     def _team_sizes(self, policy: Policy) -> tuple[int, ...]:
@@ -74,7 +74,7 @@ class Player:
         told = getattr(policy, TEAM_SIZES, ())
         pair = isinstance(told, tuple | list) and len(told) in (0, 2) and all(isinstance(size, int) for size in told)
         if not pair:
-            raise PolicyError(f"policy {self.name}: {TEAM_SIZES} is {told!r}; valid: two whole numbers")
+            raise PolicyError(f"--policy {self.name}: {TEAM_SIZES} is {told!r}; valid: two whole numbers")
         return tuple(told)
 
 

@@ -86,8 +86,8 @@ def _made(run: LearnedRun, changes: Mapping[str, Any], recorded: Mapping[str, An
     arguments = {OPTIONS[option]: value for option, value in changes.items()}
     try:
         return RECIPES[run.recipe].make(**{**run.arguments, **arguments, **recorded})
-    except (UnknownSetting, TypeError) as error:  # TypeError: of a single robot's environment
-        unknown = [option for option in changes if OPTIONS[option] in str(error)]
+    except UnknownSetting as error:
+        unknown = [option for option in changes if f"unknown setting {OPTIONS[option]};" in str(error)]
         if not unknown:
             raise TrainingError(f"{run.folder}: {error}; valid: what {run.environment} knows") from error
         option = unknown[0]

@@ -88,7 +88,7 @@ def learned_run(folder: Path) -> LearnedRun:
         raise TrainingError(f"{folder}: was trained by recipe {recipe!r}; valid: {', '.join(RECIPES)}")
     try:
         env = RECIPES[recipe].make(**arguments)
-    except (ConfigError, TrainingError, MapsError, TypeError) as error:  # TypeError: of a single robot's environment
+    except (ConfigError, TrainingError, MapsError) as error:
         raise TrainingError(f"{folder}: its environment is none of this version: {error}") from error
     env.close()
     return LearnedRun(

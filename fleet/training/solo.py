@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+import inspect
+from collections.abc import Callable, Mapping
+from typing import Any, Self
 
 import gymnasium
 from pettingzoo.utils import ParallelEnv
 
 from fleet.envs.core.base import ActionError
+from fleet.envs.core.env_config import UnknownSetting
+from maps.reading.shown import named
 
 
 class SoloEnv(ParallelEnv[str, Any, Any]):
@@ -26,6 +29,28 @@ class SoloEnv(ParallelEnv[str, Any, Any]):
         self.render_mode = env.render_mode
         self.possible_agents = [agent]
         self.agents: list[str] = []
+
+    @classmethod
+    def of(
+        cls, kind: Callable[..., gymnasium.Env[Any, Any]], agent: str, name: str, settings: Mapping[str, Any]
+    ) -> Self:
+        """Make a single robot's environment.
+
+        Args:
+            kind: Its class.
+            agent: See `SoloEnv`.
+            name: See `SoloEnv`.
+            settings: Of the environment, by name.
+
+        Raises:
+            UnknownSetting: A name is that of no setting.
+            ConfigError: A setting is outside its valid range.
+        """
+        valid = list(inspect.signature(kind).parameters)
+        for setting in settings:
+            if setting not in valid:
+                raise UnknownSetting(f"{name}: unknown setting {named(setting)}; valid: {', '.join(valid)}")
+        return cls(kind(**settings), agent, name)
 
     def observation_space(self, agent: str) -> gymnasium.Space[Any]:
         """See `ParallelEnv`."""

@@ -23,7 +23,7 @@ def _car(**arguments: Any) -> Any:
     from fleet.envs.navigate.car_navigate import CarNavigateEnv
     from fleet.training.solo import SoloEnv
 
-    return SoloEnv(CarNavigateEnv(**arguments), "car_0", "car_navigate_v1")
+    return SoloEnv.of(CarNavigateEnv, "car_0", "car_navigate_v1", arguments)
 
 
 def _pursuit() -> Policy:

@@ -15,7 +15,7 @@ def _reach(**arguments: Any) -> Any:
     from fleet.envs.kuka_reach import KukaReachEnv
     from fleet.training.solo import SoloEnv
 
-    return SoloEnv(KukaReachEnv(**arguments), "arm_0", "kuka_reach_v0")
+    return SoloEnv.of(KukaReachEnv, "arm_0", "kuka_reach_v0", arguments)
 
 
 def _straight() -> Policy:

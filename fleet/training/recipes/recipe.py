@@ -160,8 +160,6 @@ class Recipe:
                 env = self.make(**one)
             except UnknownSetting as error:
                 raise TrainingError(f"[env]: {error}") from error
-            except TypeError as error:  # of a single robot's environment
-                raise TrainingError(f"[env]: {error}; valid: the arguments of the environment") from error
             kinds.append(agent_types(env, self.layouts))
             space = getattr(env, "state_space", None)
             lengths.append(0 if space is None else int(space.shape[0]))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from fleet.envs.core.base import ActionError
+from fleet.envs.core.env_config import UnknownSetting
 from fleet.training.recipes import RECIPES
 
 
@@ -13,6 +14,11 @@ def test_it_has_the_name_of_the_robot_s_environment(recipe: str, name: str) -> N
     env = RECIPES[recipe].make()
     assert env.metadata["name"] == name
     env.close()
+
+
+def test_a_setting_that_there_is_not_is_told_by_its_name() -> None:
+    with pytest.raises(UnknownSetting, match="kuka_reach_v0: unknown setting bogus; valid: fidelity, "):
+        RECIPES["reach"].make(bogus=3)
 
 
 @pytest.mark.parametrize(("actions", "told"), [({}, "of nothing"), ({"car_7": [0.0, 0.0]}, "of car_7")])
