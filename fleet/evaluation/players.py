@@ -98,7 +98,7 @@ def player_named(word: str, scenario: Scenario) -> Player:
         return _own(word)
     elsewhere = [layer for layer, table in POLICIES.items() if word in table]
     what = f"one of layer {', '.join(elsewhere)}" if elsewhere else "no policy"
-    valid = f"{', '.join(scripts)}, a folder of fleet.train, or package.module:Class"
+    valid = f"{', '.join(scripts)}, a folder of fleet train, or package.module:Class"
     raise PolicyError(f"--policy {word} is {what} for {scenario.env}; valid: {valid}")
 
 

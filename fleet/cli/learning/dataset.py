@@ -20,7 +20,7 @@ class DatasetCommand:
     out: Path
     """Folder of the data set, which must not be there; it appears when all is written."""
     policy: str | None = None
-    """A script by its name, such as pibt; a folder of fleet.train; or package.module:Class. Default the scripted
+    """A script by its name, such as pibt; a folder of fleet train; or package.module:Class. Default the scripted
     fleet."""
     split: str = "train"
     """Whose sites and team sizes are played."""

@@ -34,7 +34,7 @@ class Evaluate:
     scenario: str | None = None
     """What is played; without it, the scenarios are listed."""
     policy: str | None = None
-    """A script by its name, such as pibt; a folder of fleet.train; or package.module:Class. Default the scripted
+    """A script by its name, such as pibt; a folder of fleet train; or package.module:Class. Default the scripted
     fleet."""
     split: str = "all"
     """train (what may be trained on), sites (floors never seen), teams (team sizes never seen), or all."""

@@ -111,6 +111,8 @@ class Play:
         self._require_with("--serve", self.serve, self.record, "--record")
         self._require_with("--rate", self.rate is not None, self.stream is not None, "--stream")
         self._require_with("--view", self.view, self.record, "--record")
+        has_stops = self.fidelity is not Fidelity.GRID
+        self._require_with("--docking", "docking" in told, has_stops, "--fidelity kinematic, mixed or physics")
         from fleet.play.decisions import write_decisions
         from fleet.play.policies import played_policy
         from fleet.play.simulation import PlayedSimulation
