@@ -45,8 +45,8 @@ def page(scores: Sequence[SplitScores], results: str) -> str:
         "Made by `python -m fleet.evaluate --table`; not written by hand. Means of "
         f"{_numbers({one.n_episodes for one in scores})} episodes with 95 % intervals (bootstrap; shares: Wilson); the "
         "gain is the paired difference of the first figure from the scripted fleet's on the same seeds, positive = "
-        "better; ms is the time of the processor for one decision of the whole team. A policy with a path as its name is "
-        "what one training run has learned. Every episode, with versions: "
+        "better; ms is the time of the processor for one decision of the whole team. A policy with a path as its name "
+        "is what one training run has learned. Every episode, with versions: "
         f"[{results}]({results}). Commit: {', '.join(commits)}.",
     ]
     for name, scenario in SCENARIOS.items():

@@ -47,7 +47,10 @@ def test_a_played_run_leaves_the_files_of_a_demo_and_its_decisions(
         (["--traffic", "pibt", "--robots", "99"], "--robots is 99; valid: 1 to"),
         (["--traffic", "pibt", "--view"], "--view does not go with the other options; valid: --view with --record"),
         (["--traffic", "pibt", "--episodes", "0"], "--episodes is 0; valid: an integer from 1 to 10000"),
-        (["--docking", "pursuit", "--fidelity", "grid"], "valid: --docking with --fidelity kinematic, mixed or physics"),
+        (
+            ["--docking", "pursuit", "--fidelity", "grid"],
+            "valid: --docking with --fidelity kinematic, mixed or physics",
+        ),
         (["--traffic", "pibt", "--episodes", "3"], "--episodes is for an environment that is played"),
     ],
 )
