@@ -145,6 +145,12 @@ LESSONS: dict[str, Lesson] = {
             )
         },
     ),
+    "handover": Lesson(
+        figure="parcels_delivered",
+        minutes=60,
+        n_episodes=20,
+        places={"physics": Place(arguments=PHYSICS, n_episodes=5, goals=())},
+    ),
     "dispatch_due": Lesson(
         figure="tardiness_min",
         minutes=60,

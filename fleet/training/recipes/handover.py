@@ -50,9 +50,9 @@ HANDOVER = Recipe(
     figures=("n_delivered", "n_loaded", "n_gripped", "n_lost", "n_contacts"),
     at_end={"parcels_loaded": n_loaded, "parcels_delivered": n_delivered},
     # All of it clones: who explores sets nothing down. A drop arm with a parcel in its grip is seen only once cars that
-    # do what they have learned come to it: runs that go on from this one (`--start-from`) learn what it does then.
-    n_steps=400_000,
-    ppo=replace(SERVE_PHYSICS.ppo, clone_n=400_000, anchor=0.0),
+    # do what they have learned come to it: after 400,000 steps next to nothing is delivered.
+    n_steps=1_200_000,
+    ppo=replace(SERVE_PHYSICS.ppo, clone_n=1_200_000, anchor=0.0),
     arguments={"site": "cell", "n_cars": 2},
     stages=(
         # With one car there is no line at an arm, and a lost parcel is its own or its arm's.
