@@ -162,16 +162,8 @@ def _evaluation(folder: Path) -> dict[str, Any]:
 def _document(recipe: str, lesson: Lesson, seeds: Sequence[int], runs: Sequence[Path]) -> None:
     """Write curve, figures, settings and successes of a recipe."""
     DOCUMENTS.mkdir(parents=True, exist_ok=True)
-    chief = RECIPES[recipe].figures[0]
-    tables = []
-    for out in runs:
-        with (out / PROGRESS).open(encoding="utf-8", newline="") as file:
-            tables.append(list(csv.DictReader(file)))
-    steps, curves = _on_a_grid(tables, chief)
-    with (DOCUMENTS / f"{recipe}_curve.csv").open("w", encoding="utf-8", newline="") as file:
-        table = csv.writer(file, lineterminator="\n")
-        table.writerow(["steps", *(f"seed_{seed}" for seed in seeds)])
-        table.writerows([f"{step:.0f}", *(f"{y:.4g}" for y in row)] for step, row in zip(steps, curves.T, strict=True))
+    if RECIPES[recipe].ppo.clone_n < RECIPES[recipe].n_steps:  # who only clones does from the first what a teacher does
+        _draw(recipe, seeds, runs)
     with (DOCUMENTS / f"{recipe}_episodes.csv").open("w", encoding="utf-8", newline="") as file:
         for seed, out in zip(seeds, runs, strict=True):
             head, *lines = (out / EPISODES).read_text(encoding="utf-8").splitlines()
@@ -184,6 +176,26 @@ def _document(recipe: str, lesson: Lesson, seeds: Sequence[int], runs: Sequence[
     config = json.loads((runs[0] / CONFIG).read_text(encoding="utf-8"))
     settings = {key: value for key, value in config.items() if key not in ("seed", "versions")}
     (DOCUMENTS / f"{recipe}.json").write_text(json.dumps(settings, indent=2) + "\n", encoding="utf-8")
+    if lesson.success is not None:
+        fidelities = {lesson.fidelity: runs, "physics": [out / "physics" for out in runs]}
+        folders = {("all", fidelity): list(played) for fidelity, played in fidelities.items()}
+        for fidelity, played in fidelities.items():
+            folders |= {(str(seed), fidelity): [one] for seed, one in zip(seeds, played, strict=True)}
+        write_shares(DOCUMENTS / f"{recipe}_success.csv", folders, lesson.success)
+
+
+def _draw(recipe: str, seeds: Sequence[int], runs: Sequence[Path]) -> None:
+    """Write how the chief figure went while it was learned, as a table and a picture."""
+    chief = RECIPES[recipe].figures[0]
+    tables = []
+    for out in runs:
+        with (out / PROGRESS).open(encoding="utf-8", newline="") as file:
+            tables.append(list(csv.DictReader(file)))
+    steps, curves = _on_a_grid(tables, chief)
+    with (DOCUMENTS / f"{recipe}_curve.csv").open("w", encoding="utf-8", newline="") as file:
+        table = csv.writer(file, lineterminator="\n")
+        table.writerow(["steps", *(f"seed_{seed}" for seed in seeds)])
+        table.writerows([f"{step:.0f}", *(f"{y:.4g}" for y in row)] for step, row in zip(steps, curves.T, strict=True))
     middle = curves.mean(axis=0)
     band = [(float(low), float(high)) for low, high in zip(curves.min(axis=0), curves.max(axis=0), strict=True)]
     curve = [XyCurve(name="learned", points=list(zip(steps.tolist(), middle.tolist(), strict=True)), band=band)]
@@ -193,12 +205,6 @@ def _document(recipe: str, lesson: Lesson, seeds: Sequence[int], runs: Sequence[
         curve.append(XyCurve(name=policy, points=[(float(steps[-1]), level)]))
     title = f"{recipe}: {chief} per episode while learning, {len(seeds)} seeds (band: all of them)"
     draw_curves(title, STEPS, chief, curve).write_png(DOCUMENTS / f"{recipe}.png")
-    if lesson.success is not None:
-        fidelities = {lesson.fidelity: runs, "physics": [out / "physics" for out in runs]}
-        folders = {("all", fidelity): list(played) for fidelity, played in fidelities.items()}
-        for fidelity, played in fidelities.items():
-            folders |= {(str(seed), fidelity): [one] for seed, one in zip(seeds, played, strict=True)}
-        write_shares(DOCUMENTS / f"{recipe}_success.csv", folders, lesson.success)
 
 
 def _on_a_grid(
