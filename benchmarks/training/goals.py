@@ -26,10 +26,17 @@ def read_episodes(folder: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(table))
 
 
+def by_policy(folders: Sequence[Path]) -> dict[str, list[dict[str, str]]]:
+    """Scores of all episodes of some evaluations, by policy."""
+    found: dict[str, list[dict[str, str]]] = {}
+    for row in (row for folder in folders for row in read_episodes(folder)):
+        found.setdefault(row["policy"], []).append(row)
+    return found
+
+
 def mean_of(folders: Sequence[Path], figure: str, policy: str) -> float:
     """Mean of a figure over all episodes of some evaluations."""
-    rows = (row for folder in folders for row in read_episodes(folder))
-    return float(np.mean([float(row[figure]) for row in rows if row["policy"] == policy]))
+    return float(np.mean([float(row[figure]) for row in by_policy(folders)[policy]]))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -127,12 +134,11 @@ class Gap(Goal):
 
     def row(self, folders: Sequence[Path]) -> Row:
         """The figure, without its target; no number where the oracle saves nothing."""
-        told: dict[str, list[float]] = {}
-        for row in (row for folder in folders for row in read_episodes(folder)):
-            told.setdefault(row["policy"], []).append(float(row[self.figure]))
-        learned, oracle = np.array(told.pop(LEARNED)), np.array(told.pop(ORACLE))
-        best = min(told, key=lambda policy: np.mean(told[policy]))
-        rule = np.array(told[best])
+        played = by_policy(folders)
+        told = {policy: np.array([float(row[self.figure]) for row in rows]) for policy, rows in played.items()}
+        learned, oracle = told.pop(LEARNED), told.pop(ORACLE)
+        best = min(told, key=lambda policy: told[policy].mean())
+        rule = told[best]
         unit = f"of 1, from {best} to {ORACLE}"
         if rule.mean() <= oracle.mean():
             return Row(name=f"{self.figure}, gap", value=float("nan"), unit=unit)

@@ -61,10 +61,10 @@ def measure_lesson(recipe: str, trial: Trial) -> Iterable[Row]:
         if trial.failures:
             return
         runs = [folder / recipe / str(seed) for seed in trial.seeds]
-        _play_elsewhere(recipe, lesson, runs)
-        yield from _rows(recipe, lesson, runs, promised=not trial.quick)
+        elsewhere = _play_elsewhere(recipe, lesson, runs)
+        yield from _rows(recipe, lesson, runs, elsewhere, promised=not trial.quick)
         if not trial.quick:
-            _document(recipe, lesson, trial.seeds, runs)
+            _document(recipe, lesson, trial.seeds, runs, elsewhere)
 
 
 def train_seed(folder: Path, recipe: str, lesson: Lesson, seed: int, *, quick: bool) -> str | None:
@@ -95,12 +95,14 @@ def _other_settings(out: Path, recipe: str) -> str:
     return ", ".join(name for name, value in today.items() if was.get(name) != json.loads(json.dumps(value)))
 
 
-def _play_elsewhere(recipe: str, lesson: Lesson, runs: Sequence[Path]) -> None:
-    """Play what was learned in all places, two at a time: each takes minutes."""
-    cases = [(out, name, place) for name, place in lesson.places.items() for out in runs]
+def _play_elsewhere(recipe: str, lesson: Lesson, runs: Sequence[Path]) -> dict[str, list[Path]]:
+    """Play what was learned in all places, two at a time: each takes minutes; returns the folders, by place."""
     with ProcessPoolExecutor(N_AT_ONCE, mp_context=get_context("spawn")) as pool:
-        for done in [pool.submit(play_transfer, recipe, *case) for case in cases]:
-            done.result()
+        begun = {
+            name: [pool.submit(play_transfer, recipe, out, name, place) for out in runs]
+            for name, place in lesson.places.items()
+        }
+        return {name: [one.result() for one in of_runs] for name, of_runs in begun.items()}
 
 
 def longest(runs: Sequence[Path], minutes: float, *, promised: bool) -> Row:
@@ -110,15 +112,16 @@ def longest(runs: Sequence[Path], minutes: float, *, promised: bool) -> Row:
     return Row(name="  longest seed", value=spent_s / 60.0, unit="min of CPU", kind=Kind.TIME, target=target)
 
 
-def _rows(recipe: str, lesson: Lesson, runs: Sequence[Path], *, promised: bool) -> Iterable[Row]:
+def _rows(
+    recipe: str, lesson: Lesson, runs: Sequence[Path], elsewhere: Mapping[str, Sequence[Path]], *, promised: bool
+) -> Iterable[Row]:
     """Rows of a lesson: where it was learned, how long it took, and everywhere else."""
     yield from _told(lesson, f"{recipe}: ", runs, lesson.goals, promised=promised)
     if lesson.level_with:
         yield from _gains(lesson, [_evaluation(out) for out in runs], promised=promised)
     yield longest(runs, lesson.minutes, promised=promised)
     for name, place in lesson.places.items():
-        played = [play_transfer(recipe, out, name, place) for out in runs]
-        yield from _told(lesson, f"  {name}: ", played, place.goals, promised=promised)
+        yield from _told(lesson, f"  {name}: ", elsewhere[name], place.goals, promised=promised)
 
 
 def _told(
@@ -159,7 +162,13 @@ def _evaluation(folder: Path) -> dict[str, Any]:
     return found
 
 
-def _document(recipe: str, lesson: Lesson, seeds: Sequence[int], runs: Sequence[Path]) -> None:
+def _document(
+    recipe: str,
+    lesson: Lesson,
+    seeds: Sequence[int],
+    runs: Sequence[Path],
+    elsewhere: Mapping[str, Sequence[Path]],
+) -> None:
     """Write curve, figures, settings and successes of a recipe."""
     DOCUMENTS.mkdir(parents=True, exist_ok=True)
     if RECIPES[recipe].ppo.clone_n < RECIPES[recipe].n_steps:  # who only clones does from the first what a teacher does
@@ -169,8 +178,6 @@ def _document(recipe: str, lesson: Lesson, seeds: Sequence[int], runs: Sequence[
             head, *lines = (out / EPISODES).read_text(encoding="utf-8").splitlines()
             lines = [f"{seed},{line}" for line in lines]
             file.write("\n".join(([f"trained_from,{head}"] if seed == seeds[0] else []) + lines) + "\n")
-    places = lesson.places.items()
-    elsewhere = {name: [play_transfer(recipe, out, name, place) for out in runs] for name, place in places}
     if elsewhere:
         write_places(DOCUMENTS / f"{recipe}_places.csv", elsewhere)
     config = json.loads((runs[0] / CONFIG).read_text(encoding="utf-8"))

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from fleet.training.intervals import CONFIDENCE, N_RESAMPLES, Interval
+from fleet.training.intervals import TAILS, Interval, resamples
 
 
 def ratio(values: Sequence[float], bases: Sequence[float]) -> Interval:
@@ -21,10 +21,9 @@ def ratio(values: Sequence[float], bases: Sequence[float]) -> Interval:
         one, else below, so that an end is infinite where the bases say too little.
     """
     tops, bottoms = np.asarray(values, dtype=np.float64), np.asarray(bases, dtype=np.float64)
-    picks = np.random.default_rng(0).integers(len(tops), size=(N_RESAMPLES, len(tops)))
+    picks = resamples(len(tops))
     top, bottom = tops[picks].mean(axis=1), bottoms[picks].mean(axis=1)
     is_base = bottom > 0.0
     ratios = np.where(is_base, top / np.where(is_base, bottom, 1.0), np.where(top > 0.0, np.inf, -np.inf))
-    tail = (1.0 - CONFIDENCE) / 2.0
-    low, high = np.quantile(ratios, (tail, 1.0 - tail), method="nearest")  # between infinite ones there is no mean
+    low, high = np.quantile(ratios, TAILS, method="nearest")  # between infinite ones there is no mean
     return Interval(mean=float(tops.mean() / bottoms.mean()), low=float(low), high=float(high))

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.training.goals import Success, read_episodes
+from benchmarks.training.goals import Success, by_policy, read_episodes
 from benchmarks.training.lessons import Place
 from fleet.envs.policies import make_policy
 from fleet.envs.policies.policy import Policy, Random
@@ -41,12 +41,12 @@ def play_transfer(recipe: str, out: Path, name: str, place: Place) -> Path:
     Returns:
         Folder with the episodes and the findings.
     """
-    # PyTorch is an extra.
-    from fleet.training.ppo.policy import load_policy
-
     folder = out / name.replace(", ", "_").replace(" ", "_")
     if (folder / EVALUATION).exists():
         return folder
+    # PyTorch is an extra.
+    from fleet.training.ppo.policy import load_policy
+
     folder.mkdir(exist_ok=True)
     config = json.loads((out / CONFIG).read_text(encoding="utf-8"))
     found, seed = RECIPES[recipe], config["seed"]
@@ -71,14 +71,13 @@ def write_places(path: Path, places: Mapping[str, Sequence[Path]]) -> None:
     with path.open("w", encoding="utf-8", newline="") as file:
         table: Any = csv.writer(file, lineterminator="\n")
         for place, folders in places.items():
-            rows = [row for folder in folders for row in read_episodes(folder)]
-            figures = [name for name in rows[0] if name not in ("policy", "seed")]
+            played = by_policy(folders)
+            figures = [name for name in next(iter(played.values()))[0] if name not in ("policy", "seed")]
             if not file.tell():
                 table.writerow(["place", "policy", "episodes", *figures])
-            for policy in dict.fromkeys(row["policy"] for row in rows):
-                own = [row for row in rows if row["policy"] == policy]
-                means = (np.mean([float(row[name]) for row in own]) for name in figures)
-                table.writerow([place, policy, len(own), *(f"{mean:.4g}" for mean in means)])
+            for policy, rows in played.items():
+                means = (np.mean([float(row[name]) for row in rows]) for name in figures)
+                table.writerow([place, policy, len(rows), *(f"{mean:.4g}" for mean in means)])
 
 
 def write_shares(path: Path, folders: Mapping[tuple[str, str], Sequence[Path]], success: Success) -> None:

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 from fleet.config import require
@@ -140,34 +140,27 @@ def _orders_of(name: str) -> dict[str, Any]:
     return {key: value for key, value in told.items() if key not in ("site", "n_cars")}
 
 
+_DISPATCH_SPLITS = {
+    "train": _cases(("small", 6), ("medium", 16)),
+    "sites": _cases(("twin", 6), ("dense", 12), (_ODD, 12)),
+    "teams": _cases(("small", 3), ("small", 12), ("medium", 32)),
+}
+_DUE = Scenario(
+    summary="cars choose their tasks; all can be delivered, and what counts is when",
+    env="dispatch_v0",
+    arguments=_orders_of("due_dates"),
+    headline="tardiness",
+    beside=("on_time", "delivered"),
+    reference="apparent_tardiness",
+    baselines=_DISPATCH_RULES,
+    splits=_DISPATCH_SPLITS,
+)
 SCENARIOS: dict[str, Scenario] = {
-    "dispatch_due": Scenario(
-        summary="cars choose their tasks; all can be delivered, and what counts is when",
-        env="dispatch_v0",
-        arguments=_orders_of("due_dates"),
-        headline="tardiness",
-        beside=("on_time", "delivered"),
-        reference="apparent_tardiness",
-        baselines=_DISPATCH_RULES,
-        splits={
-            "train": _cases(("small", 6), ("medium", 16)),
-            "sites": _cases(("twin", 6), ("dense", 12), (_ODD, 12)),
-            "teams": _cases(("small", 3), ("small", 12), ("medium", 32)),
-        },
-    ),
-    "dispatch_rush": Scenario(
+    "dispatch_due": _DUE,
+    "dispatch_rush": replace(
+        _DUE,
         summary="cars choose their tasks; there are half as many again as they can deliver; what counts is when",
-        env="dispatch_v0",
         arguments=_orders_of("due_rush"),
-        headline="tardiness",
-        beside=("on_time", "delivered"),
-        reference="apparent_tardiness",
-        baselines=_DISPATCH_RULES,
-        splits={
-            "train": _cases(("small", 6), ("medium", 16)),
-            "sites": _cases(("twin", 6), ("dense", 12), (_ODD, 12)),
-            "teams": _cases(("small", 3), ("small", 12), ("medium", 32)),
-        },
     ),
     "dispatch_busy": Scenario(
         summary="cars choose their tasks; there are half as many again as they can deliver; what counts is how many",
@@ -177,11 +170,7 @@ SCENARIOS: dict[str, Scenario] = {
         beside=("tardiness",),
         reference="nearest",
         baselines=("random", "greedy", "hungarian", "apparent_tardiness"),
-        splits={
-            "train": _cases(("small", 6), ("medium", 16)),
-            "sites": _cases(("twin", 6), ("dense", 12), (_ODD, 12)),
-            "teams": _cases(("small", 3), ("small", 12), ("medium", 32)),
-        },
+        splits=_DISPATCH_SPLITS,
     ),
     "dispatch_waves": Scenario(
         summary="cars choose their tasks; orders come in waves, most from few stations, and more than can be done",
@@ -289,6 +278,15 @@ SCENARIOS: dict[str, Scenario] = {
     ),
 }
 """All scenarios, by name."""
+
+
+def require_episodes(n: int) -> None:
+    """Refuse a number of episodes that there is not.
+
+    Raises:
+        ConfigError: It is not from 1 to `MOST_EPISODES`.
+    """
+    require(1 <= n <= MOST_EPISODES, "--episodes", n, f"an integer from 1 to {MOST_EPISODES}")
 
 
 def scenario_named(name: str) -> Scenario:

@@ -7,10 +7,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 from scipy.special import ndtri
 
 CONFIDENCE = 0.95
 N_RESAMPLES = 10_000
+_TAIL = (1.0 - CONFIDENCE) / 2.0
+TAILS = (_TAIL, 1.0 - _TAIL)
+"""Shares of what lies below the ends of an interval."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,10 +49,13 @@ def bootstrap(values: Sequence[float]) -> Interval:
     Source: B. Efron, R. J. Tibshirani, "An Introduction to the Bootstrap", 1993, chapter 13.
     """
     array = np.asarray(values, dtype=np.float64)
-    picks = np.random.default_rng(0).integers(len(array), size=(N_RESAMPLES, len(array)))
-    tail = (1.0 - CONFIDENCE) / 2.0
-    low, high = np.quantile(array[picks].mean(axis=1), (tail, 1.0 - tail))
+    low, high = np.quantile(array[resamples(len(array))].mean(axis=1), TAILS)
     return Interval(mean=float(array.mean()), low=float(low), high=float(high))
+
+
+def resamples(n: int) -> npt.NDArray[np.int64]:
+    """Which of `n` values each resample takes, shape (N_RESAMPLES, n); the same for equal numbers of values."""
+    return np.random.default_rng(0).integers(n, size=(N_RESAMPLES, n))
 
 
 def share(n_successes: int, n: int) -> Interval:

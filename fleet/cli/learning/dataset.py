@@ -38,12 +38,11 @@ class DatasetCommand:
         from fleet.evaluation.dataset.reading import read_dataset
         from fleet.evaluation.dataset.writing import write_dataset
         from fleet.evaluation.players import player_named
-        from fleet.evaluation.scenarios import MOST_EPISODES, scenario_named
+        from fleet.evaluation.scenarios import require_episodes, scenario_named
 
         scenario = scenario_named(self.scenario)
         require(self.split in scenario.splits, "--split", self.split, ", ".join(scenario.splits))
-        episodes_ok = 1 <= self.episodes <= MOST_EPISODES
-        require(episodes_ok, "--episodes", self.episodes, f"an integer from 1 to {MOST_EPISODES}")
+        require_episodes(self.episodes)
         require(self.seed >= 0, "--seed", self.seed, "an integer >= 0")
         if self.minari is not None:
             require_minari(self.scenario, self.minari)

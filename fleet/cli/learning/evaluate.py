@@ -50,10 +50,9 @@ class Evaluate:
         # The environments take a second to load: only for runs, not for --help.
         from fleet.evaluation.baselines import page
         from fleet.evaluation.results import ResultsFile, require_writable, write_result
-        from fleet.evaluation.scenarios import MOST_EPISODES, SCENARIOS
+        from fleet.evaluation.scenarios import SCENARIOS, require_episodes
 
-        episodes_ok = 1 <= self.episodes <= MOST_EPISODES
-        require(episodes_ok, "--episodes", self.episodes, f"an integer from 1 to {MOST_EPISODES}")
+        require_episodes(self.episodes)
         if self.scenario is None and self.table is None:
             require(self.policy is None, "--policy", self.policy, "one with --scenario")
             require(self.split == "all", "--split", self.split, "one with --scenario")

@@ -211,13 +211,12 @@ class Play:
 
     def _check(self) -> None:
         """Refuse what only the command line can get wrong; the rest is checked by `RunConfig`."""
-        from fleet.evaluation.scenarios import MOST_EPISODES
+        from fleet.evaluation.scenarios import require_episodes
 
         require(math.isfinite(self.speed) and self.speed >= 0, "--speed", self.speed, "a number >= 0")
         require(0 < self.port < 1 << 16, "--port", self.port, f"an integer from 1 to {(1 << 16) - 1}")
         require(self.stream in (None, *StreamKind), "--stream", self.stream, ", ".join(StreamKind))
-        episodes_ok = 1 <= self.episodes <= MOST_EPISODES
-        require(episodes_ok, "--episodes", self.episodes, f"an integer from 1 to {MOST_EPISODES}")
+        require_episodes(self.episodes)
         require(self.seed >= 0, "--seed", self.seed, "an integer >= 0")
 
     def _run_config(self) -> RunConfig:
