@@ -73,27 +73,34 @@ DISPATCH = Recipe(
 )
 
 
-def _floors(*sizes: tuple[int, int, int]) -> tuple[dict[str, Any], ...]:
-    """Generated floors of so many rows, columns, and stations of either kind, as arguments of the environment."""
+def _floors(
+    *sizes: tuple[int, int, int], parking: int | None = None, **arguments: Any
+) -> tuple[dict[str, Any], ...]:
+    """Arguments of the environment: generated floors of so many rows, columns, and stations of either kind.
+
+    Args:
+        sizes: One for each floor.
+        parking: Parking cells; None = four for each pick station.
+        arguments: Further ones of all of them.
+    """
     return tuple(
-        {"floor": {"rows": rows, "cols": cols, "pick": n, "drop": n, "parking": 4 * n}} for rows, cols, n in sizes
+        {**arguments, "floor": {"rows": rows, "cols": cols, "pick": n, "drop": n, "parking": parking or 4 * n}}
+        for rows, cols, n in sizes
     )
 
 
 _WAVES = SCENARIOS["due_waves"].arguments
 """Many cars, a choice of one of which decides little."""
-_TRIED = _floors(
-    *((24, 16, 3), (16, 26, 3), (18, 18, 4), (20, 28, 4), (13, 24, 3)),
-    *((15, 34, 3), (26, 12, 3), (22, 14, 3), (13, 28, 3), (16, 16, 3)),
+_FEW = {**_WAVES, "site": "small", "n_cars": 6}
+_FLOORS = _floors(
+    *((24, 16, 3), (16, 26, 3), (18, 18, 4), (20, 28, 4), (13, 24, 3), (15, 34, 3)),
+    *((22, 24, 4), (15, 26, 3), (18, 34, 4), (34, 16, 4), (28, 16, 4), (17, 30, 4)),
 )
-"""Floors on which agents do what they have learned, and the teacher says what it would do."""
-_SHOWN = _floors(
-    *((22, 24, 4), (15, 26, 3), (18, 34, 4), (34, 16, 4), (28, 16, 4)),
-    *((17, 30, 4), (20, 18, 3), (24, 28, 4), (13, 32, 3), (16, 22, 3)),
-)
-"""Floors on which the teacher does it. There are many, since what is learned on one helps little on others."""
-_MIX = ({}, _WAVES, *_TRIED, {}, _WAVES, *_SHOWN)
-"""One for each environment; those of the first half are tried on."""
+"""There are many, since what is learned on one helps little on others."""
+_CROWDS = _floors((22, 24, 4), (18, 34, 4), (24, 28, 4), (28, 18, 4), (34, 16, 4), (20, 28, 4), parking=24, **_WAVES)
+"""Waves on other floors than `medium`, for the same reason."""
+_TRIED, _SHOWN = (({}, _WAVES, _FEW, *_CROWDS[k : k + 3], *_FLOORS[2 * k : 2 * k + 6]) for k in (0, 3))
+"""Where agents do what they have learned, and the teacher says what it would do; and where the teacher does it."""
 DISPATCH_DUE = Recipe(
     summary="cars choose their tasks, and due dates count",
     make=_dispatch,
@@ -102,19 +109,19 @@ DISPATCH_DUE = Recipe(
     figures=("delivered", "late", "waiting"),
     at_end={"tardiness_min": tardiness_min},
     # All of them clone: a rollout that half of the environments only ask, while agents do what they have learned.
-    n_steps=800_000,
+    n_steps=1_200_000,
     ppo=PpoConfig(
-        envs_n=len(_MIX),
+        envs_n=len(_TRIED + _SHOWN),
         horizon_n=240,
         minibatch_n=512,
         learning_rate=1e-3,
         network="attention",
-        clone_n=800_000,
+        clone_n=1_200_000,
         # Of 39,360 steps of an update some 4,000 are choices.
         clone_all=True,
     ),
     layouts={"car": LAYOUT},
     teacher=_rollout,
-    stages=(TrainingStage(name="floors", mix=_MIX),),
+    stages=(TrainingStage(name="floors", mix=_TRIED + _SHOWN),),
     arguments={**SCENARIOS["due_rush"].arguments, "weights": {"late": -0.3, "waiting": -0.2, "empty": 0.0}},
 )
