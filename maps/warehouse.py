@@ -177,6 +177,9 @@ def _place_racks(
     """
     rack_rows, rack_cols = rack
     left, right = 1 + _SIDE_LANES, chars.shape[1] - 2 - _SIDE_LANES
+    most_lanes = max(1, right - left - rack_cols, last - first - rack_rows)
+    if lanes > most_lanes:
+        raise PlanError(f"{where}: lanes is {lanes}; valid: at most {most_lanes}, with a block of racks on either side")
     starts = range(left, right + 1, rack_cols + lanes)
     whole = [col for col in starts if col + rack_cols - 1 <= right]
     n_islands, n_rows = sum(stations), last - first + 1 + lanes

@@ -40,7 +40,8 @@ def draw_bars(
     bottom = top + block * len(names)
     sums = [sum(one[k] or 0.0 for one in groups.values()) for k in range(len(names))]
     most = max([*sums] if stacked else [value or 0.0 for one in groups.values() for value in one], default=0.0)
-    step = round_step(max(most, 1e-9), N_LABELS)
+    most = most or 1.0  # nothing at all has an axis, too
+    step = round_step(most, N_LABELS)
     n_steps = max(1, math.ceil(most / step - 1e-3))
 
     def across(value: float) -> float:

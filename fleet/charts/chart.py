@@ -41,8 +41,9 @@ def draw(title: str, y_label: str, series: Sequence[Series], *, scale: float = 1
     """
     xs = sorted({x for one in series for x in one.x})
     tops = [scale * _top(y) for one in series for y in one.y if y is not None]
-    y_step = round_step(max([*tops, 1e-9]), N_LABELS)
-    y_end = y_step * math.ceil(max([*tops, 1e-9]) / y_step - 1e-9)
+    y_top = max(tops, default=0.0) or 1.0  # nothing at all has an axis, too
+    y_step = round_step(y_top, N_LABELS)
+    y_end = y_step * math.ceil(y_top / y_step - 1e-9)
     x_low, x_high = xs[0], xs[-1] if xs[-1] > xs[0] else xs[0] + 1
 
     def spot(x: float, y: float) -> tuple[float, float]:

@@ -69,6 +69,8 @@ class Argument:
                 return self.kind(text)
             except ValueError:
                 raise ConfigError(f"{self.label} is {text!r}; valid: {NUMBERS[self.kind]}") from None
+        if self.kind is Path:
+            require(text != "", self.label, text, "a path; that of the present folder is .")
         if self.kind in (str, Path):
             return self.kind(text)
         require(text in self.choices, self.label, text, ", ".join(self.choices))

@@ -195,6 +195,7 @@ class Demo:
         for option, given, fits, valid in (
             ("--gui", self.gui, self.fidelity is Fidelity.PHYSICS, "with --fidelity physics"),
             ("--serve", self.serve, not self.no_record, "without --no-record"),
+            ("--port", self.port != type(self).port, self.serve, "with --serve"),
             ("--lidar", self.lidar, not self.no_record or self.bridge is not None, "without --no-record"),
             ("--trust", self.trust, self.bridge is not None, "with --bridge"),
             ("--internals", self.internals, not self.no_record, "without --no-record"),

@@ -15,9 +15,10 @@ from rich.table import Table
 
 from fleet.cli.run_output import plain_console
 from fleet.config import require
+from fleet.outputs import require_file
 from fleet.terminal.interrupts import interrupts
 from fleet.terminal.progress_bar import Bar
-from fleet.whole_file import draft_of, require_place, write_whole
+from fleet.whole_file import draft_of, write_whole
 
 if TYPE_CHECKING:
     from fleet.league.arena import Arena
@@ -58,9 +59,9 @@ class Lorr:
 
         self._check()
         problem = read_problem(self.problem)
-        for path in (self.output, self.json):
+        for option, path in (("--output", self.output), ("--json", self.json)):
             if path is not None:
-                require_place(path)
+                require_file(option, path)
         # Kernels take a second to load: only when there is something to play.
         from fleet.league.controller import PibtController
         from fleet.league.multi_step_controller import MultiStepController

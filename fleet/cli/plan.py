@@ -16,7 +16,8 @@ from rich.progress_bar import ProgressBar
 from fleet.cli.run_output import figure_table, plain_console
 from fleet.config import require
 from fleet.config.member_settings import member_settings
-from fleet.whole_file import draft_of, require_place
+from fleet.outputs import require_file
+from fleet.whole_file import draft_of
 from planners.mapf import ONE_SHOT_PLANNERS, planner_named
 
 if TYPE_CHECKING:
@@ -135,7 +136,7 @@ class PlanCommand:
         for name in ("map", "scen"):
             same = self.output.exists() and self.output.samefile(getattr(self, name))
             require(not same, "--output", str(self.output), f"another file than --{name}")
-        require_place(self.output)
+        require_file("--output", self.output)
 
 
 class _BudgetColumn(ProgressColumn):

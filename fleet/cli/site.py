@@ -11,6 +11,7 @@ import tyro
 
 from fleet.config import ArmConfig, Grip, require
 from fleet.errors import FleetError
+from fleet.outputs import require_file
 from fleet.whole_file import write_whole
 
 if TYPE_CHECKING:
@@ -45,15 +46,16 @@ class SiteCheck:
         from maps.report import check_site, draw_site
         from maps.site import load_site
 
+        if self.graphml is not None:
+            require_file("--graphml", self.graphml)
         site = load_site(self.site)
+        report, refused = check_site(site), _unreached(site, self.grip, ArmConfig(model=self.arms))
         console = plain_console()
         if not self.no_draw:
             sys.stdout.write(draw_site(site) + "\n")
-        report = check_site(site)
         table = Table(title=f"site {site.name}", show_header=False)
         for name, value in vars(report).items():
             table.add_row(name.replace("_", " "), _text(value))
-        refused = _unreached(site, self.grip, ArmConfig(model=self.arms))
         for grip, refusals in refused.items():
             table.add_row(f"arms, grip {grip}", "\n".join(refusals) or f"serve all {len(site.stations)} stations")
         console.print(table)

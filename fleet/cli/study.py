@@ -17,6 +17,7 @@ from rich.table import Table
 from fleet.cli.arguments import require_solver
 from fleet.config import Fidelity, StreamConfig, StreamKind, require
 from fleet.config.member_settings import file_settings, member_settings
+from fleet.outputs import require_folder
 from fleet.study.design import ORDERS_PER_CAR_H, Design, parse_names, parse_range
 from fleet.terminal.interrupts import interrupts
 from fleet.terminal.progress_bar import Bar
@@ -130,6 +131,7 @@ class Study:
         from fleet.study.study import check, run_study
 
         check(design)
+        require_folder("--out", self.out)
         with (
             interrupts() as interrupted,
             Bar(len(design.variants), "runs", shown=True) as bar,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -24,6 +23,8 @@ Group = TypeVar("Group", AllocationConfig, TimeoutConfig, TrafficConfig)
 
 MOST_TASKS = 1_000_000
 """As many orders take half a minute to make, and 1.5 GB."""
+MOST_CHAOS_PER_H = 100_000.0
+"""A fault in nearly every tick; they are drawn before a run begins."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,8 +93,8 @@ class RunConfig(Settings):
         require(self.seed >= 0, "--seed", self.seed, "an integer >= 0")
         require(0 < self.shared_memory_key < 2**31, "shared_memory_key", self.shared_memory_key, "1 to 2147483647")
         positive("--duration", self.duration_s)
-        fits = math.isfinite(self.chaos_per_h) and self.chaos_per_h >= 0.0
-        require(fits, "--chaos", self.chaos_per_h, "a number >= 0, faults an hour")
+        fits = 0.0 <= self.chaos_per_h <= MOST_CHAOS_PER_H
+        require(fits, "--chaos", self.chaos_per_h, f"a number from 0 to {MOST_CHAOS_PER_H:g}, faults an hour")
         if self.grip_force_n is not None:
             positive("--grip-force", self.grip_force_n)
         for name in self.cars:

@@ -125,7 +125,7 @@ def measure_capacity(
             if failed is None:
                 attempt(key, time_share(cells[k:], why))
             else:
-                why[key] = f"{failed} robots did not fit"
+                why[key] = "interrupted" if interrupted else f"{failed} robots did not fit"
         again = [next(key for key in why if key[1] is kind) for kind in fidelities if any(kind is f for _, f in why)]
         for k, key in enumerate(again):
             attempt(key, 1.0 / (len(again) - k))

@@ -168,7 +168,9 @@ def gap_plot(gaps: Sequence[Gap], reference: str, fidelities: Sequence[str], tit
         for gap in gaps
         if gap.share is not None
     ]
-    label = f"difference from {reference}, % of its mean (waiting: of the time), and 95 % interval over the seeds"
+    label = f"difference from {reference}, % of its mean (waiting: of the time)"
+    if any(line.value.n > 1 for line in lines):
+        label += ", and 95 % interval over the seeds"
     return draw_forest(title, label, lines, fidelities, scale=100.0)
 
 

@@ -58,11 +58,15 @@ def _curve(curve: Curve) -> list[str]:
             f"bottleneck there: {knee.bottleneck}."
         ]
     else:
-        said = [f"{curve.allocator}: no knee from {low} to {high} cars."]
-    said.append(
-        f"{curve.allocator}: most deliveries with {best.robots} cars, {between(best.throughput_per_h)} per hour; "
-        f"bottleneck there: {best.bottleneck}."
-    )
+        said = [f"{curve.allocator}: no knee from {low} to {high} cars."] if low < high else []
+    if best.throughput_per_h.mean > 0.0:
+        cars = f"{best.robots} car{'s' if best.robots > 1 else ''}"
+        said.append(
+            f"{curve.allocator}: most deliveries with {cars}, {between(best.throughput_per_h)} per hour; "
+            f"bottleneck there: {best.bottleneck}."
+        )
+    else:
+        said.append(f"{curve.allocator}: nothing was delivered.")
     stalled = sum(point.n_stalled for point in curve.points)
     if stalled:
         said.append(f"{curve.allocator}: {stalled} runs came to a stand.")

@@ -22,6 +22,8 @@ from planners.mapf import DEFAULT_PLANNER
 
 ORDERS_PER_CAR_H = 90.0
 """So that work never ends: a car needs at least 50 s for a delivery on the sites that ship."""
+MOST_IN_RANGE = 1_000_000
+"""Greatest number of a range."""
 RANGE_FORM = "a list of numbers and ranges, such as 4, 2:20, 2:20:2 or 2,4,8"
 
 
@@ -119,10 +121,11 @@ def parse_range(text: str, what: str) -> tuple[int, ...]:
     numbers: list[int] = []
     for part in text.split(","):
         ends = part.strip().split(":")
-        valid = 1 <= len(ends) <= 3 and all(end.isdecimal() and end.isascii() and len(end) <= 6 for end in ends)
+        valid = 1 <= len(ends) <= 3 and all(end.isdecimal() and end.isascii() for end in ends)
         require(valid, what, text, RANGE_FORM)
         first, last, step = int(ends[0]), int(ends[min(1, len(ends) - 1)]), int(ends[2]) if len(ends) == 3 else 1
         require(1 <= first <= last and step >= 1, what, text, f"{RANGE_FORM}; from low to high, all at least 1")
+        require(last <= MOST_IN_RANGE, what, text, f"{RANGE_FORM}; at most {MOST_IN_RANGE}")
         numbers += range(first, last + 1, step)
     require(len(set(numbers)) == len(numbers), what, text, f"{RANGE_FORM}; each number once")
     return tuple(sorted(numbers))

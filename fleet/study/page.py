@@ -45,7 +45,8 @@ def charts(findings: Findings) -> dict[str, Drawing]:
             for curve in findings.curves
         ]
 
-    band = "mean and 95 % interval over the seeds"
+    several = any(point.throughput_per_h.n > 1 for curve in findings.curves for point in curve.points)
+    band = "mean and 95 % interval over the seeds" if several else "of one seed"
     return {
         "throughput": draw("Throughput", f"deliveries per hour, {band}", series("throughput")),
         lateness: draw(title, f"seconds, {band}", series("lateness")),

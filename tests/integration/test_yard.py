@@ -22,3 +22,12 @@ def test_a_yard_in_physics(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
     assert len(result["plan_s"]) == result["plans"]
     rows = [line.strip("│ ").split("│") for line in capsys.readouterr().out.splitlines() if line.startswith("│")]
     assert {name.strip(): value.strip() for name, value in rows}["deliveries"] == str(result["deliveries"])
+
+
+def test_a_car_alone_is_near_nobody(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["--cars", "1", "--duration", "2", "--fidelity", "kinematic", "--json", str(tmp_path / "out.json")]
+    with pytest.raises(SystemExit):
+        main(["yard", "demo", *words])
+    assert "Infinity" not in (tmp_path / "out.json").read_text(encoding="utf-8")
+    assert json.loads((tmp_path / "out.json").read_text(encoding="utf-8"))["min_clearance_m"] is None
+    assert "inf" not in capsys.readouterr().out

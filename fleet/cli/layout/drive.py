@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
+import math
 import sys
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -15,6 +16,7 @@ from fleet.cli.run_output import figure_table, plain_console
 from fleet.cli.site import FORMATS
 from fleet.config import require
 from fleet.config.settings import positive
+from fleet.outputs import require_file
 from fleet.terminal.progress_bar import Bar
 from fleet.whole_file import write_whole
 
@@ -61,9 +63,11 @@ class LayoutDrive:
         require(self.trips >= 1, "--trips", self.trips, "an integer >= 1")
         require(self.seed >= 0, "--seed", self.seed, "an integer >= 0")
         for name, file in (("--json", self.json), ("--record", self.record)):
-            require(file is None or file.parent.is_dir(), name, str(file), "a file in a folder there is")
+            if file is not None:
+                require_file(name, file)
         lanes = read_lanes(self.file, self.format, self.level)
         from fleet.free_lanes.run import LayoutRun
+        from fleet.recording.run_file import plain
 
         run = LayoutRun(lanes, self.cars, self._world, seed=self.seed)
         watch: CarWatch | None = None
@@ -89,7 +93,7 @@ class LayoutDrive:
         plain_console().print(figure_table(lane_figures(lanes) | _figures(result)))
         sys.stdout.writelines(f"note: {note}\n" for note in lanes.notes)
         if self.json is not None:
-            write_whole(self.json, json.dumps(asdict(result), indent=2) + "\n")
+            write_whole(self.json, json.dumps(plain(result), indent=2) + "\n")
         return DONE if result.trips >= self.trips and not result.contacts else NOT_DONE
 
     def _world(self, scene: Scene) -> World:
@@ -109,7 +113,7 @@ def _figures(result: LayoutResult) -> dict[str, str]:
         "simulated": f"{result.duration_s:.0f} s",
         "trips": f"{result.trips}, {result.deliveries} of them deliveries",
         "contacts": f"{result.contacts}",
-        "least clearance": f"{result.min_clearance_m:.3f} m",
+        "least clearance": "-" if math.isinf(result.min_clearance_m) else f"{result.min_clearance_m:.3f} m",
         "longest that a car on its way stood": f"{result.longest_still_s:.1f} s",
         "plans": f"{result.plans}, {result.plans_cut} cut short",
     }

@@ -109,6 +109,7 @@ class Play:
         is_physics = self.fidelity in (None, Fidelity.PHYSICS)
         self._require_with("--gui", self.gui, is_physics, "--fidelity physics")
         self._require_with("--serve", self.serve, self.record, "--record")
+        self._require_with("--port", self.port != type(self).port, self.serve, "--serve")
         self._require_with("--rate", self.rate is not None, self.stream is not None, "--stream")
         self._require_with("--view", self.view, self.record, "--record")
         has_stops = self.fidelity is not Fidelity.GRID

@@ -13,6 +13,7 @@ from rich.table import Table
 from fleet.cli.run_output import plain_console
 from fleet.config import require
 from fleet.errors import ConfigError
+from fleet.outputs import require_folder
 from fleet.whole_file import write_whole
 from maps.reading.near import hint
 
@@ -43,6 +44,7 @@ class RobotFit:
         spec = TWIST_ROBOTS[self.name]()
         most = spec.max_payload_kg
         require(0.0 <= self.load <= most, "--load", self.load, f"a number from 0 to {most:g} with {self.name}")
+        require_folder("--out", self.out)
         from fleet.proving.fit import fit_response
 
         console = plain_console(wide=True)

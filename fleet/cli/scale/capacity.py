@@ -12,6 +12,7 @@ from rich.table import Table
 from fleet.cli.run_output import INTERRUPTED, plain_console
 from fleet.cli.scale.fidelities import EVERY, parse_fidelities
 from fleet.config import require
+from fleet.outputs import require_folder
 from fleet.study.design import parse_range
 from fleet.terminal.interrupts import interrupts
 from fleet.terminal.progress_bar import Bar
@@ -51,7 +52,7 @@ class CapacityCommand:
         # The simulation takes a second to load: only for runs, not for --help.
         from fleet.scale.capacity import JSON_FILE, capacity_plots, measure_capacity, write_capacity
 
-        self.out.mkdir(parents=True, exist_ok=True)  # what cannot be written is not measured first
+        require_folder("--out", self.out)
         n_cells = len(robots) * len(fidelities)
         with interrupts() as interrupted, Bar(n_cells, "cells", shown=True) as bar:
 
@@ -79,9 +80,8 @@ class CapacityCommand:
         for cell in cells:
             if cell.why:
                 console.print(f"{cell.robots} robots, {cell.fidelity}, not measured: {cell.why}", soft_wrap=True)
-        console.print(
-            f"{self.out / JSON_FILE}: the figures; beside it {', '.join(plots)} as SVG and PNG", soft_wrap=True
-        )
+        beside = f"; beside it {', '.join(plots)} as SVG and PNG" if plots else ", none of which could be drawn"
+        console.print(f"{self.out / JSON_FILE}: the figures{beside}", soft_wrap=True)
         return INTERRUPTED if interrupted else DONE
 
 

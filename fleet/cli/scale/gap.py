@@ -14,6 +14,7 @@ from rich.table import Table
 from fleet.cli.run_output import INTERRUPTED, plain_console
 from fleet.cli.scale.fidelities import EVERY, parse_fidelities
 from fleet.config import StreamConfig, require
+from fleet.outputs import require_folder
 from fleet.study.design import ORDERS_PER_CAR_H
 from fleet.terminal.interrupts import interrupts
 from fleet.terminal.progress_bar import Bar
@@ -71,6 +72,7 @@ class GapCommand:
             orders=self.orders,
         )
         check_gap(design)
+        require_folder("--out", self.out)
         with interrupts() as interrupted, Bar(len(design.configs), "runs", shown=True) as bar:
 
             def progress(done: int, total: int) -> None:

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import json
+import math
 import time
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from fleet.cli.run_output import figure_table, plain_console
 from fleet.config import require
 from fleet.config.settings import positive
+from fleet.outputs import require_file
 from fleet.terminal.progress_bar import Bar
 from fleet.whole_file import write_whole
 
@@ -47,7 +49,9 @@ class YardDemo:
         positive("--duration", self.duration)
         require(self.seed >= 0, "--seed", self.seed, "an integer >= 0")
         for name, file in (("--json", self.json), ("--record", self.record)):
-            require(file is None or file.parent.is_dir(), name, str(file), "a file in a folder there is")
+            if file is not None:
+                require_file(name, file)
+        from fleet.recording.run_file import plain
         from fleet.world.kinematic import KinematicWorld
         from fleet.yard.run import YardRun
         from maps.yard import load_yard
@@ -80,7 +84,7 @@ class YardDemo:
         console = plain_console()
         console.print(figure_table(_figures(result)))
         if self.json is not None:
-            write_whole(self.json, json.dumps(asdict(result), indent=2) + "\n")
+            write_whole(self.json, json.dumps(plain(result), indent=2) + "\n")
         return TOUCHED if result.contacts else DONE
 
     def _world(self, scene: Scene) -> World:
@@ -100,7 +104,7 @@ def _figures(result: YardResult) -> dict[str, str]:
         "simulated": f"{result.duration_s:g} s",
         "deliveries": f"{result.deliveries}",
         "contacts": f"{result.contacts}",
-        "least clearance": f"{result.min_clearance_m:.3f} m",
+        "least clearance": "-" if math.isinf(result.min_clearance_m) else f"{result.min_clearance_m:.3f} m",
         "longest that a car stood": f"{result.longest_still_s:.1f} s",
         "furthest beside its way": f"{result.most_beside_m:.3f} m",
         "plans": f"{result.plans}, {result.refused} without a way",

@@ -12,7 +12,8 @@ import tyro
 
 from fleet.cli.run_output import figure_table, plain_console
 from fleet.config import require
-from fleet.whole_file import draft_of, require_place
+from fleet.outputs import require_file
+from fleet.whole_file import draft_of
 
 if TYPE_CHECKING:
     import numpy as np
@@ -81,7 +82,7 @@ class YardPlan:
         """Refuse an output that cannot be written, before the time is spent."""
         same = self.output.exists() and self.output.samefile(self.instance)
         require(not same, "--output", str(self.output), "another file than the instance")
-        require_place(self.output)
+        require_file("--output", self.output)
 
 
 def _crossing(problem: OpenFloorProblem) -> OpenFloorProblem:

@@ -73,9 +73,7 @@ DISPATCH = Recipe(
 )
 
 
-def _floors(
-    *sizes: tuple[int, int, int], parking: int | None = None, **arguments: Any
-) -> tuple[dict[str, Any], ...]:
+def _floors(*sizes: tuple[int, int, int], parking: int | None = None, **arguments: Any) -> tuple[dict[str, Any], ...]:
     """Arguments of the environment: generated floors of so many rows, columns, and stations of either kind.
 
     Args:

@@ -121,6 +121,7 @@ def test_lanes_lie_side_by_side_between_blocks():
         ({"sides": "ns"}, "sides is 'ns'; valid: one of we, nesw, none"),
         ({"sides": "none"}, "sides is none without islands; valid: one of we, nesw, or islands"),
         ({"lanes": 0}, "lanes is 0; valid: at least 1"),
+        ({"lanes": 50}, "lanes is 50; valid: at most"),
         ({"islands": True, "rack_cols": 1}, "rack_cols is 1; valid: at least 2"),
         (
             {"pick": 50, "sides": "nesw"},

@@ -79,6 +79,7 @@ def test_an_option_for_many_values_keeps_them_in_order() -> None:
         (["--colour", "RED"], "--colour is 'RED'; valid: red, blue"),
         (["--brush"], "--brush has no value; valid: --brush wide|thin"),
         (["--colour"], "--colour has no value; valid: --colour red|blue"),
+        (["--tin", ""], "--tin is ''; valid: a path"),
         (["--colour="], "--colour is ''; valid: red, blue"),
         (["--brush", "round"], "--brush is 'round'; valid: wide, thin"),
         (["--be-quick=yes"], "--be-quick is 'yes'; valid: --be-quick, without a value"),

@@ -188,6 +188,15 @@ def test_without_a_knee_the_page_shows_none(tmp_path: Path) -> None:
     assert "greedy: no knee from 1 to 4 cars" in page
 
 
+def test_runs_in_which_nothing_came_about_say_so() -> None:
+    findings = find([row("greedy", 1, throughput_per_h=0.0)], ("greedy",))
+    assert sentences(findings) == ["greedy: nothing was delivered."]
+    drawn = charts(findings)["throughput"].svg()
+    assert ">1</text>" in drawn
+    assert "of one seed" in drawn
+    assert "interval" not in drawn
+
+
 def test_the_page_needs_nothing_else_and_the_plots_are_pictures(tmp_path: Path) -> None:
     """A friction of the first hour: the bottleneck, a sentence in a column that did not wrap, was cut off."""
     findings = find([*ROWS, row("<b>", 1)], ("greedy", "hungarian", "<b>"))
