@@ -98,7 +98,7 @@ def _docked(episode: EpisodeTally) -> float:
 def _moved(episode: EpisodeTally) -> float:
     """Of the parcels that agents' arms were to move."""
     n_moved = episode.count.get("loaded", 0) + episode.count.get("delivered", 0)
-    return 100.0 * n_moved / len(episode.env.config.arms)
+    return 100.0 * n_moved / episode.env.config.n_arms
 
 
 def _told(name: str) -> Callable[[EpisodeTally], float]:

@@ -129,6 +129,18 @@ def test_tardiness_counts_what_was_never_delivered_too() -> None:
     assert MEASURES["on_time"].of(EpisodeTally(env=env)) == 0.0
 
 
+@pytest.mark.parametrize("name", SCENARIOS)
+def test_every_figure_can_be_told(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A setting of the environment had got another name, and after the first episode of `transfer` all was lost."""
+    whole = SCENARIOS[name]
+    most = "max_steps" if whole.env in ("car", "reach") else "max_cycles"
+    short = dataclasses.replace(whole, arguments={**whole.arguments, most: 2})
+    monkeypatch.setitem(SCENARIOS, name, short)
+    played = play_split(name, "train", player_named(short.reference, short), 1)
+    assert list(played.figures) == list(short.measures)
+    assert all(np.isfinite(values).all() for values in played.figures.values())
+
+
 def test_a_gain_is_paired_and_positive_where_it_is_better(toy: Scenario) -> None:
     told = findings([scored("mine", [11.0, 21.0, 31.0]), scored("pibt", [10.0, 20.0, 30.0])])
     assert told[0].gain is not None
