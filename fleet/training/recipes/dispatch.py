@@ -115,7 +115,7 @@ DISPATCH_DUE = Recipe(
         learning_rate=1e-3,
         network="attention",
         clone_n=1_200_000,
-        # Of 39,360 steps of an update some 4,000 are choices.
+        # Of 53,760 steps of an update some 3,500 are choices.
         clone_all=True,
     ),
     layouts={"car": LAYOUT},
