@@ -121,7 +121,7 @@ def parse_range(text: str, what: str) -> tuple[int, ...]:
     numbers: list[int] = []
     for part in text.split(","):
         ends = part.strip().split(":")
-        valid = 1 <= len(ends) <= 3 and all(end.isdecimal() and end.isascii() for end in ends)
+        valid = 1 <= len(ends) <= 3 and all(end.isdecimal() and end.isascii() and len(end) < 19 for end in ends)
         require(valid, what, text, RANGE_FORM)
         first, last, step = int(ends[0]), int(ends[min(1, len(ends) - 1)]), int(ends[2]) if len(ends) == 3 else 1
         require(1 <= first <= last and step >= 1, what, text, f"{RANGE_FORM}; from low to high, all at least 1")
