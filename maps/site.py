@@ -232,10 +232,9 @@ def _read_table(name_or_path: str | os.PathLike[str]) -> tuple[_SiteTable, str]:
     text = os.fspath(name_or_path)
     path = _DATA / f"{text}.toml" if text in site_names() else Path(text)
     if not is_file(path):
-        raise UnknownSiteError(
-            f"site {shown(text)} is unknown{hint(text, site_names())}; valid: one of {', '.join(site_names())} "
-            "or a path to a site file"
-        )
+        what = "a folder" if path.is_dir() else f"unknown{hint(text, site_names())}"
+        names = ", ".join(site_names())
+        raise UnknownSiteError(f"site {shown(text)} is {what}; valid: one of {names} or a path to a site file")
     where = f"site {text}"
     try:
         content = parse_toml(read_text(path, where, valid=_FORM), where, valid=_FORM)

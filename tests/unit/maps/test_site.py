@@ -97,6 +97,11 @@ def test_unknown_site_lists_the_names():
         load_site("smal")
 
 
+def test_a_folder_is_told_from_a_name(tmp_path):
+    with pytest.raises(UnknownSiteError, match=r"is a folder; valid: one of .* or a path to a site file"):
+        load_site(tmp_path)
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
