@@ -57,7 +57,7 @@ class Evaluate:
             require(self.policy is None, "--policy", self.policy, "one with --scenario")
             require(self.split == "all", "--split", self.split, "one with --scenario")
             require(self.json is None, "--json", str(self.json), "one with --scenario, or with --table")
-            require(self.episodes == EPISODES, "--episodes", self.episodes, "other than usual with --scenario only")
+            require(self.episodes == EPISODES, "--episodes", self.episodes, "a number of them with --scenario")
             _console().print(_list())
             return DONE
         for file in filter(None, (self.json, self.table)):
