@@ -9,16 +9,18 @@ from fleet.errors import ConfigError
 from fleet.whole_file import require_place
 
 
-def require_file(option: str, path: Path) -> None:
-    """See that a file can be written; leaves nothing behind.
+def require_file(option: str, path: Path | None) -> None:
+    """See that a file can be written, if there is to be one; leaves nothing behind.
 
     Args:
         option: What the command calls it.
-        path: The file.
+        path: The file; None = there is to be none.
 
     Raises:
         ConfigError: Its folder is not there or cannot be written, or it is no file.
     """
+    if path is None:
+        return
     try:
         require_place(path)
     except OSError as error:

@@ -60,8 +60,7 @@ class Lorr:
         self._check()
         problem = read_problem(self.problem)
         for option, path in (("--output", self.output), ("--json", self.json)):
-            if path is not None:
-                require_file(option, path)
+            require_file(option, path)
         # Kernels take a second to load: only when there is something to play.
         from fleet.league.controller import PibtController
         from fleet.league.multi_step_controller import MultiStepController

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import re
 import sys
@@ -120,6 +121,11 @@ def run_table(results: Mapping[str, Mapping[str, Any]], *, change: bool = False,
     for key, heading in shares[:1] if short else shares:
         _add_shares(table, heading, [result[key] for result in results.values()], change)
     return table
+
+
+def least_clearance(clearance_m: float) -> str:
+    """A least clearance in words; infinite where a car was alone."""
+    return "-" if math.isinf(clearance_m) else f"{clearance_m:.3f} m"
 
 
 def figure_table(rows: Mapping[str, str]) -> Table:

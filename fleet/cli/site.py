@@ -46,8 +46,7 @@ class SiteCheck:
         from maps.report import check_site, draw_site
         from maps.site import load_site
 
-        if self.graphml is not None:
-            require_file("--graphml", self.graphml)
+        require_file("--graphml", self.graphml)
         site = load_site(self.site)
         report, refused = check_site(site), _unreached(site, self.grip, ArmConfig(model=self.arms))
         console = plain_console()

@@ -533,14 +533,8 @@ def test_a_refused_run_leaves_earlier_results_alone(tmp_path: Path, capsys: pyte
         (["layout", "drive", "nope.xml", "--trips", "0"], ["--trips is 0", "an integer >= 1"]),
         (["layout", "drive", "nope.xml", "--duration", "-1"], ["--duration is -1", "a number > 0"]),
         (["layout", "drive", "nope.xml", "--fidelity", "grid"], ["--fidelity is 'grid'", "physics, kinematic"]),
-        (
-            ["layout", "drive", "nope.xml", "--json", "nowhere/x"],
-            ["--json nowhere/x: No such file"],
-        ),
-        (
-            ["layout", "drive", "nope.xml", "--record", "nowhere/x"],
-            ["--record nowhere/x: No such file"],
-        ),
+        (["layout", "drive", "nope.xml", "--json", "nowhere/x"], ["--json nowhere/x: No such file"]),
+        (["layout", "drive", "nope.xml", "--record", "nowhere/x"], ["--record nowhere/x: No such file"]),
         (["yard", "demo", "--yard", "nope"], ["yard 'nope' is unknown; valid: depot, or a file"]),
         (["yard", "demo", "--cars", "28"], ["--cars is 28", "1 to 27"]),
         (["yard", "demo", "--duration", "0"], ["--duration is 0", "a number > 0"]),

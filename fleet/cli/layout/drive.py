@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import tyro
 
 from fleet.cli.layout.lanes_file import lane_figures, read_lanes
-from fleet.cli.run_output import figure_table, plain_console
+from fleet.cli.run_output import figure_table, least_clearance, plain_console
 from fleet.cli.site import FORMATS
 from fleet.config import require
 from fleet.config.settings import positive
@@ -63,8 +62,7 @@ class LayoutDrive:
         require(self.trips >= 1, "--trips", self.trips, "an integer >= 1")
         require(self.seed >= 0, "--seed", self.seed, "an integer >= 0")
         for name, file in (("--json", self.json), ("--record", self.record)):
-            if file is not None:
-                require_file(name, file)
+            require_file(name, file)
         lanes = read_lanes(self.file, self.format, self.level)
         from fleet.free_lanes.run import LayoutRun
         from fleet.recording.run_file import plain
@@ -113,7 +111,7 @@ def _figures(result: LayoutResult) -> dict[str, str]:
         "simulated": f"{result.duration_s:.0f} s",
         "trips": f"{result.trips}, {result.deliveries} of them deliveries",
         "contacts": f"{result.contacts}",
-        "least clearance": "-" if math.isinf(result.min_clearance_m) else f"{result.min_clearance_m:.3f} m",
+        "least clearance": least_clearance(result.min_clearance_m),
         "longest that a car on its way stood": f"{result.longest_still_s:.1f} s",
         "plans": f"{result.plans}, {result.plans_cut} cut short",
     }

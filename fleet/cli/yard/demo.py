@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import json
-import math
 import time
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from fleet.cli.run_output import figure_table, plain_console
+from fleet.cli.run_output import figure_table, least_clearance, plain_console
 from fleet.config import require
 from fleet.config.settings import positive
 from fleet.outputs import require_file
@@ -49,8 +48,7 @@ class YardDemo:
         positive("--duration", self.duration)
         require(self.seed >= 0, "--seed", self.seed, "an integer >= 0")
         for name, file in (("--json", self.json), ("--record", self.record)):
-            if file is not None:
-                require_file(name, file)
+            require_file(name, file)
         from fleet.recording.run_file import plain
         from fleet.world.kinematic import KinematicWorld
         from fleet.yard.run import YardRun
@@ -104,7 +102,7 @@ def _figures(result: YardResult) -> dict[str, str]:
         "simulated": f"{result.duration_s:g} s",
         "deliveries": f"{result.deliveries}",
         "contacts": f"{result.contacts}",
-        "least clearance": "-" if math.isinf(result.min_clearance_m) else f"{result.min_clearance_m:.3f} m",
+        "least clearance": least_clearance(result.min_clearance_m),
         "longest that a car stood": f"{result.longest_still_s:.1f} s",
         "furthest beside its way": f"{result.most_beside_m:.3f} m",
         "plans": f"{result.plans}, {result.refused} without a way",
