@@ -27,6 +27,24 @@ def require_file(option: str, path: Path | None) -> None:
         raise ConfigError(f"{option} {path}: {error.strerror}; valid: a file that can be written") from error
 
 
+def require_file_below(option: str, path: Path | None) -> None:
+    """See that a file can be written whose folder will be made if it is missing; leaves nothing behind.
+
+    Args:
+        option: What the command calls it.
+        path: The file; None = there is to be none.
+
+    Raises:
+        ConfigError: Its folder cannot be made or written, or it is no file.
+    """
+    if path is None:
+        return
+    if path.exists():
+        require_file(option, path)
+    else:
+        _require_room(option, path, path.parent, "file")
+
+
 def require_folder(option: str, path: Path) -> None:
     """See that a folder is there or can be made, and that files can be written into it; leaves nothing behind.
 
@@ -37,8 +55,13 @@ def require_folder(option: str, path: Path) -> None:
     Raises:
         ConfigError: It is something else, or it cannot be made or written.
     """
+    _require_room(option, path, path, "directory")
+
+
+def _require_room(option: str, path: Path, folder: Path, what: str) -> None:
+    """See that a folder, or the nearest one above it that is there, takes files."""
     try:
-        with tempfile.TemporaryFile(dir=next(one for one in (path, *path.absolute().parents) if one.exists())):
+        with tempfile.TemporaryFile(dir=next(one for one in (folder, *folder.absolute().parents) if one.exists())):
             pass
     except OSError as error:
-        raise ConfigError(f"{option} {path}: {error.strerror}; valid: a directory that can be written") from error
+        raise ConfigError(f"{option} {path}: {error.strerror}; valid: a {what} that can be written") from error

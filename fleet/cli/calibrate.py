@@ -13,7 +13,7 @@ from rich.table import Table
 
 from fleet.cli.run_output import plain_console
 from fleet.config import require
-from fleet.errors import ConfigError
+from fleet.outputs import require_file_below
 from fleet.whole_file import write_whole
 
 if TYPE_CHECKING:
@@ -60,8 +60,7 @@ class Calibrate:
             check_recording(self.trajectory, recording, bench.drive.limits)
             drive = drive_of(recording, bench) if self.drive == "auto" else Drive(self.drive)
             replay = MotionReplay(bench, recording, drive, self.frequency)
-            if self.out is not None:
-                _check_out(self.out)
+            require_file_below("--out", self.out)
             console = plain_console()
             console.print(
                 f"{self.trajectory}: {len(recording.t)} rows, {recording.t[-1]:.2f} s, {bench.drive.n} joints; "
@@ -84,22 +83,10 @@ class Calibrate:
         for line in _remarks(fit, drive):
             console.print(line, soft_wrap=True)
         if self.out is not None:
+            self.out.parent.mkdir(parents=True, exist_ok=True)
             write_whole(self.out, json.dumps(_figures(self, fit, drive), indent=2) + "\n")
             console.print(f"{self.out}: the figures", soft_wrap=True)
         return 0
-
-
-def _check_out(out: Path) -> None:
-    """Find out before the fit, which takes half a minute, whether its figures can be kept."""
-    fresh = not out.exists()
-    try:
-        out.parent.mkdir(parents=True, exist_ok=True)
-        with out.open("a", encoding="utf-8"):
-            pass
-        if fresh:
-            out.unlink()
-    except OSError as error:
-        raise ConfigError(f"--out {out}: {error.strerror}; valid: a file that can be written") from error
 
 
 def _table(fit: FrictionFit) -> Table:

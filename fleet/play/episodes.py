@@ -9,11 +9,12 @@ from typing import Any
 from fleet.envs.core.env_config import UnknownSetting
 from fleet.envs.policies import Policy
 from fleet.errors import ConfigError
+from fleet.outputs import require_folder
 from fleet.training.errors import TrainingError
 from fleet.training.evaluation import Score, play
 from fleet.training.learned_run import LearnedRun
 from fleet.training.recipes import RECIPES
-from fleet.training.results import CHECKPOINT, EPISODES, make_folder
+from fleet.training.results import CHECKPOINT, EPISODES
 
 RERUN = "rerun"
 """Render mode of environments that record their episodes."""
@@ -26,9 +27,11 @@ def play_episodes(
     policies: Mapping[str, Policy],
     changes: Mapping[str, Any],
     seeds: Sequence[int],
-    folder: Path | None,
+    folder: Path,
     on_episode: Callable[[int], None],
     interrupted: Sequence[int] = (),
+    *,
+    record: bool,
 ) -> dict[str, list[Score]]:
     """Let policies play episodes of the environment in which one of them was learned.
 
@@ -37,10 +40,11 @@ def play_episodes(
         policies: By name; the first one is what was learned, and is recorded.
         changes: What differs from the training, by option in `OPTIONS`.
         seeds: Of the episodes.
-        folder: Where recordings go, one for each episode; None = nothing is recorded.
+        folder: Made once it is known that they can play; what an earlier call has left there is removed.
         on_episode: Called with the number of episodes played so far.
         interrupted: No longer empty when no further episode is to begin; a `KeyboardInterrupt` ends the one under way,
             too.
+        record: Whether each episode of the first policy is recorded in the folder.
 
     Returns:
         Scores by policy, in the order of the seeds; fewer where it was interrupted, and nobody who played nothing.
@@ -54,11 +58,12 @@ def play_episodes(
     for index, (name, policy) in enumerate(policies.items()):
         if interrupted:
             break
-        recorded = {} if folder is None or index else {"render_mode": RERUN, "record_to": folder}
+        recorded = {"render_mode": RERUN, "record_to": folder} if record and not index else {}
         env = _made(run, changes, recorded)
         try:
             if not index:
                 run.require_fits(policy, env)
+                _make_way(folder)
             for seed in seeds:
                 if interrupted:
                     break
@@ -71,15 +76,30 @@ def play_episodes(
     return {name: played for name, played in scores.items() if played}
 
 
-def require_folder(folder: Path) -> None:
-    """See that figures can be written into a folder, before hours of playing; it is made.
+def require_output(folder: Path) -> None:
+    """See that figures can be written into a folder, before hours of playing; leaves nothing behind.
 
     Raises:
-        TrainingError: It cannot be written, or holds a training run, whose figures have the same name.
+        ConfigError: It cannot be made or written.
+        TrainingError: It holds a training run, whose figures have the same name.
     """
-    make_folder(folder, EPISODES)
+    require_folder("--out", folder)
     if (folder / CHECKPOINT).exists():
         raise TrainingError(f"--out {folder}: holds a training run; valid: another directory")
+
+
+def recordings(folder: Path) -> list[Path]:
+    """Recordings of episodes in a folder, in their order."""
+    return sorted(folder.glob("episode_*.rrd"))
+
+
+def _make_way(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for path in (folder / EPISODES, *recordings(folder)):
+            path.unlink(missing_ok=True)
+    except OSError as error:
+        raise TrainingError(f"--out {folder}: the figures of before cannot be replaced: {error}") from error
 
 
 def _made(run: LearnedRun, changes: Mapping[str, Any], recorded: Mapping[str, Any]) -> Any:

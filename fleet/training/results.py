@@ -45,26 +45,13 @@ def prepare_folder(folder: Path, *, resume: bool) -> None:
     Raises:
         TrainingError: It cannot be used.
     """
-    make_folder(folder, CONFIG)
-    if not resume and ((folder / PROGRESS).exists() or (folder / CHECKPOINT).exists()):
-        raise TrainingError(f"--out {folder}: holds a training run; valid: --resume, or another directory")
-
-
-def make_folder(folder: Path, file: str) -> None:
-    """Make a folder, and see that a file can be written into it before that takes a long time.
-
-    Args:
-        folder: Created with its parents if it does not exist.
-        file: Name of the file.
-
-    Raises:
-        TrainingError: It cannot be made or written.
-    """
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        require_place(folder / file)
+        require_place(folder / CONFIG)
     except OSError as error:
         raise TrainingError(f"--out {folder}: {error.strerror}; valid: a directory that can be written") from error
+    if not resume and ((folder / PROGRESS).exists() or (folder / CHECKPOINT).exists()):
+        raise TrainingError(f"--out {folder}: holds a training run; valid: --resume, or another directory")
 
 
 def write_config(folder: Path, config: TrainConfig, stages: Sequence[TrainingStage]) -> None:

@@ -140,7 +140,7 @@ class Play:
 
     def _play_episodes(self, run: LearnedRun) -> int:
         """Episodes of the environment."""
-        from fleet.play.episodes import RERUN, play_episodes, require_folder
+        from fleet.play.episodes import RERUN, play_episodes, require_output
         from fleet.training.recipes import RECIPES
         from fleet.training.results import write_episodes
 
@@ -154,7 +154,7 @@ class Play:
         policies: dict[str, Policy] = {PLAYED: run.policy(self.seed)}
         if self.compare:
             policies[SCRIPTED] = RECIPES[run.recipe].scripted()
-        require_folder(self.out)
+        require_output(self.out)
         seeds = list(range(self.seed, self.seed + self.episodes))
         total = len(seeds) * len(policies)
         with interrupts() as interrupted, Bar(total, "episodes", shown=True) as bar:
@@ -163,8 +163,7 @@ class Play:
                 if bar.due():
                     bar.show(done, run.environment, f"{done} of {total} episodes")
 
-            folder = self.out if self.record else None
-            scores = play_episodes(run, policies, changes, seeds, folder, progress, interrupted)
+            scores = play_episodes(run, policies, changes, seeds, self.out, progress, interrupted, record=self.record)
         if not scores:
             raise KeyboardInterrupt
         write_episodes(self.out, scores, seeds)
@@ -172,6 +171,7 @@ class Play:
 
     def _tell_episodes(self, run: LearnedRun, scores: Mapping[str, Sequence[Score]], total: int) -> int:
         """Print what episodes came to; returns the exit status."""
+        from fleet.play.episodes import recordings
         from fleet.training.intervals import interval
         from fleet.training.results import EPISODES
 
@@ -186,7 +186,7 @@ class Play:
         console.print(table)
         console.print(f"results: {self.out / EPISODES}", soft_wrap=True)
         if self.record:
-            for recording in sorted(self.out.glob("episode_*.rrd"))[:n_whole]:
+            for recording in recordings(self.out)[:n_whole]:
                 show_recording(console, recording, view=self.view)
         if n_played < total:
             console.print(f"interrupted: {n_played} of {total} episodes were played", soft_wrap=True)

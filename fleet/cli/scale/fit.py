@@ -12,7 +12,7 @@ from rich.table import Table
 
 from fleet.cli.run_output import plain_console
 from fleet.config import require
-from fleet.outputs import require_file, require_folder
+from fleet.outputs import require_file_below
 from fleet.whole_file import write_whole
 
 if TYPE_CHECKING:
@@ -49,9 +49,7 @@ class FitCommand:
         require(self.robots >= 1, "--robots", self.robots, "an integer >= 1")
         require(1.0 <= self.duration <= MOST_S, "--duration", self.duration, f"a number from 1 to {MOST_S:g}")
         require(self.seed >= 0, "--seed", self.seed, "an integer >= 0")
-        require_folder("--out", self.out.parent)
-        if self.out.exists():
-            require_file("--out", self.out)
+        require_file_below("--out", self.out)
         # The engine takes a second to load: only for runs, not for --help.
         from fleet.recording.run_file import plain
         from fleet.scale.fit import fit_cars

@@ -329,7 +329,7 @@ class WarehouseConfig(RecordedEnvConfig):
             valid = f"an integer from 0 to {most_cars} on site {place.name}, or two, ascending"
             require(ok, "n_cars", n_cars, valid)
         else:
-            _require_whole("n_cars", n_cars, 0, most_cars, f" on site {place.name}, or two, ascending")
+            _require_whole("n_cars", n_cars, 0, most_cars, f" on site {place.name}")
         least, most = self.team_sizes
         n_arms = self.n_arms
         _require_whole("n_arms", n_arms, 0, most_arms, f" on site {place.name}, or None for all")

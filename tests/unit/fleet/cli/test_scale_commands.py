@@ -26,7 +26,7 @@ from fleet.cli.main import main
         ("gap small --out FILE", "--out FILE: Not a directory; valid: a directory that can be written"),
         ("gap small --out FILE/deeper", "--out FILE/deeper: Not a directory; valid"),
         ("fit --out .", "--out .: Is a directory; valid: a file that can be written"),
-        ("fit --out FILE/fit.json", "--out FILE: Not a directory; valid"),
+        ("fit --out FILE/fit.json", "--out FILE/fit.json: Not a directory; valid"),
         ("robots fit husky --out FILE", "--out FILE: Not a directory; valid"),
         ("capacity --out FILE", "--out FILE: Not a directory; valid"),
         ("study --robots 2 --out FILE", "--out FILE: Not a directory; valid"),

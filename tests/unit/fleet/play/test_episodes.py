@@ -8,7 +8,7 @@ import pytest
 
 from fleet.envs.policies import Policy
 from fleet.errors import ConfigError
-from fleet.play.episodes import play_episodes
+from fleet.play.episodes import play_episodes, require_output
 from fleet.training.errors import TrainingError
 from fleet.training.learned_run import LearnedRun
 from fleet.training.recipes import RECIPES
@@ -36,16 +36,16 @@ def test_an_interrupt_keeps_what_was_played(tmp_path: Path) -> None:
         if done == 3:
             interrupted.append(done)
 
-    assert play_episodes(run, policies, {}, [1, 2], None, stop, interrupted) == {}
+    assert play_episodes(run, policies, {}, [1, 2], tmp_path, stop, interrupted, record=False) == {}
     interrupted.clear()
-    scores = play_episodes(run, policies, {}, [1, 2], None, stop, interrupted)
+    scores = play_episodes(run, policies, {}, [1, 2], tmp_path, stop, interrupted, record=False)
     assert {name: len(played) for name, played in scores.items()} == {"played": 2, "scripted": 1}
     write_episodes(tmp_path, scores, [1, 2])
     lines = (tmp_path / "episodes.csv").read_text().splitlines()
     assert [line.split(",")[:2] for line in lines[1:]] == [["played", "1"], ["played", "2"], ["scripted", "1"]]
 
 
-def test_a_second_interrupt_ends_the_episode_and_keeps_those_before_it() -> None:
+def test_a_second_interrupt_ends_the_episode_and_keeps_those_before_it(tmp_path: Path) -> None:
     run = run_of("dispatch_due", site="cell", n_cars=2, **SHORT)
 
     class Impatient:
@@ -64,7 +64,7 @@ def test_a_second_interrupt_ends_the_episode_and_keeps_those_before_it() -> None
                 raise KeyboardInterrupt
             return dict.fromkeys(observations, 0)
 
-    scores = play_episodes(run, {"played": Impatient()}, {}, [1, 2, 3], None, lambda done: None)
+    scores = play_episodes(run, {"played": Impatient()}, {}, [1, 2, 3], tmp_path, lambda done: None, record=False)
     assert len(scores["played"]) == 1
     assert "tardiness_min" in scores["played"][0], "figures of the end of an episode are told as by the training"
 
@@ -77,14 +77,36 @@ def test_a_second_interrupt_ends_the_episode_and_keeps_those_before_it() -> None
     ],
 )
 def test_what_an_environment_does_not_know_is_told_by_its_option(
-    recipe: str, changes: dict[str, object], told: str
+    tmp_path: Path, recipe: str, changes: dict[str, object], told: str
 ) -> None:
-    run = run_of(recipe)
+    run, folder = run_of(recipe), tmp_path / "out"
     with pytest.raises(TrainingError, match=told):
-        play_episodes(run, {"played": script_of(run)}, changes, [1], None, lambda done: None)
+        play_episodes(run, {"played": script_of(run)}, changes, [1], folder, lambda done: None, record=False)
+    assert not folder.exists(), "a refusal leaves nothing behind"
 
 
-def test_a_value_is_refused_by_its_option() -> None:
-    run = run_of("dispatch", site="cell", n_cars=2)
+def test_a_value_is_refused_by_its_option(tmp_path: Path) -> None:
+    run, kept = run_of("dispatch", site="cell", n_cars=2), tmp_path / "episodes.csv"
+    kept.write_text("of before")
     with pytest.raises(ConfigError, match=r"^--robots is -1; valid: "):
-        play_episodes(run, {"played": script_of(run)}, {"--robots": -1}, [1], None, lambda done: None)
+        play_episodes(run, {"played": script_of(run)}, {"--robots": -1}, [1], tmp_path, lambda done: None, record=False)
+    assert kept.read_text() == "of before"
+
+
+def test_what_was_played_before_makes_way(tmp_path: Path) -> None:
+    run = run_of("dispatch", site="cell", n_cars=2, **SHORT)
+    others = [tmp_path / "episodes.csv", tmp_path / "episode_0007.rrd"]
+    mine = tmp_path / "notes.txt"
+    for path in (*others, mine):
+        path.write_text("of before")
+    play_episodes(run, {"played": script_of(run)}, {}, [1], tmp_path, lambda done: None, record=False)
+    assert not any(path.exists() for path in others)
+    assert mine.exists()
+
+
+def test_an_output_leaves_nothing_behind_until_it_is_written(tmp_path: Path) -> None:
+    require_output(tmp_path / "new" / "out")
+    assert not (tmp_path / "new").exists()
+    (tmp_path / "file").write_text("")
+    with pytest.raises(ConfigError, match=r"--out .*Not a directory; valid: a directory that can be written"):
+        require_output(tmp_path / "file" / "out")
