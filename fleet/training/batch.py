@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 from gymnasium.spaces import Box, Dict, Discrete, Space
 
-from fleet.envs.policies.policy import Policy
+from fleet.envs.policies.policy import Policy, Weighing
 from fleet.training.errors import TrainingError
 from fleet.training.layout import RowLayout
 
@@ -198,6 +198,26 @@ class EnvBatch:
             for name, rows in team.items():
                 for agent in rows.keys() & told.keys():
                     found[name][rows[agent]] = told[agent]
+        return found
+
+    def weigh(self, policies: Sequence[Weighing]) -> dict[str, Floats]:
+        """What policies think of each action now, after they were asked.
+
+        Args:
+            policies: One per environment.
+
+        Returns:
+            Worths by type of discrete actions, shape (n_rows, n_actions); all zero where an agent has no choice.
+        """
+        found: dict[str, Floats] = {}
+        for kind in self.types:
+            if isinstance(kind.action, Discrete):
+                found[kind.name] = np.zeros((self._n_rows[kind.name], int(kind.action.n)), dtype=np.float32)
+        for policy, team in zip(policies, self._rows, strict=True):
+            for name in team.keys() & found.keys():
+                rows = team[name]
+                for agent in rows.keys() & policy.worths.keys():
+                    found[name][rows[agent]] = policy.worths[agent]
         return found
 
     def close(self) -> None:

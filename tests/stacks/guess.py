@@ -88,6 +88,17 @@ class Knows:
         return actions
 
 
+class Weighs(Knows):
+    """Says as well that a number is worth as much as it is large."""
+
+    def __init__(self) -> None:
+        self.worths: dict[str, Any] = {}
+
+    def act(self, env: Any, observations: dict[str, Any]) -> dict[str, Any]:
+        self.worths = {"arm_0": observations["arm_0"]["observation"]}
+        return super().act(env, observations)
+
+
 RECIPE = Recipe(
     summary="",
     make=Guess,

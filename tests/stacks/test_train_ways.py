@@ -21,7 +21,7 @@ from fleet.training.recipes import RECIPES, Recipe, TrainingStage
 from fleet.training.results import CHECKPOINT
 from fleet.training.settings import PpoConfig, TrainConfig
 from tests.stacks.conftest import require_package
-from tests.stacks.guess import PPO, RECIPE, Guess
+from tests.stacks.guess import PPO, RECIPE, Guess, Weighs
 
 require_package("torch", "train")
 
@@ -220,6 +220,24 @@ def test_what_a_teacher_said_first_is_cloned_again_only_if_all_is(clone_all: boo
     assert learner.state()["shown"] is None
 
 
+def test_a_teacher_that_says_what_actions_are_worth_is_cloned_by_how_much_better_they_are() -> None:
+    kind = AgentType(name="car", n_observed=1, action=Discrete(3), masked=True)
+    settings = replace(PPO, epochs_n=60, clone_all=True, clone_temperature=2.0)
+    learner = Learner(kind, settings, 0, torch.Generator().manual_seed(0))
+    rows = np.linspace(-1.0, 1.0, 200, dtype=np.float32)[None, :, None]
+    rollout = rollout_of(rows, actions=np.zeros((1, 200), dtype=np.int64), rewards=rows[..., 0])
+    rollout.mask = np.tile([True, True, False], (1, 200, 1))
+    rollout.worths = np.tile(np.array([0.0, 2.0, 9.0], dtype=np.float32), (1, 200, 1))
+    rollout.rows = learner.seen.apply(rows[0])[None]
+    learner.clone(rollout, 1e-2, torch.Generator().manual_seed(0))
+    view = TypeView(
+        rows=np.zeros((1, 1), dtype=np.float32), mask=rollout.mask[0, :1], active=np.ones(1, dtype=np.bool_)
+    )
+    # A softmax of 0 and 2 / 2; what the teacher did, action 0, is not asked for.
+    np.testing.assert_allclose(np.exp(learner.scores(view))[0], [0.269, 0.731, 0.0], atol=0.02)
+    assert learner.act(view, None).tolist() == [1]
+
+
 @pytest.mark.parametrize("action", [Box(-1.0, 1.0, (1,), np.float32), Discrete(3)])
 def test_an_anchor_holds_a_policy_near_what_was_cloned(action: Box | Discrete) -> None:
     kind = AgentType(name="car", n_observed=1, action=action, masked=False)
@@ -244,11 +262,13 @@ def test_an_anchor_holds_a_policy_near_what_was_cloned(action: Box | Discrete) -
     assert strayed[1] < 0.5 * strayed[0]
 
 
-@pytest.mark.parametrize("clone_all", [False, True])
+@pytest.mark.parametrize(("clone_all", "temperature"), [(False, 0.0), (True, 0.0), (True, 0.5)])
 def test_cloning_and_its_anchor_resume_to_the_last_bit(
-    tmp_path: Path, known: Callable[..., None], clone_all: bool
+    tmp_path: Path, known: Callable[..., None], clone_all: bool, temperature: float
 ) -> None:
+    known(teacher=Weighs)
     ways: dict[str, Any] = {"clone_n": 4 * N_STEPS, "anchor": 1.0, "clone_all": clone_all}
+    ways["clone_temperature"] = temperature
     whole = run(trainer_of(tmp_path / "whole", 6, **ways))
     for last in (1, 3, 5):
         first = trainer_of(tmp_path / str(last), 6, **ways)
@@ -389,6 +409,12 @@ def test_cloning_without_a_teacher_is_refused(tmp_path: Path, known: Callable[..
     known(teacher=None)
     with pytest.raises(TrainingError, match=r"ppo\.clone_n is 100, and guess has no teacher; valid: 0"):
         trainer_of(tmp_path, 1, clone_n=100)
+
+
+def test_worths_of_a_teacher_that_tells_none_are_refused(tmp_path: Path, known: Callable[..., None]) -> None:
+    said = r"ppo\.clone_temperature is 1\.0, and guess has no teacher that says what each action is worth; valid: 0"
+    with pytest.raises(TrainingError, match=said):
+        trainer_of(tmp_path, 1, clone_n=100, clone_all=True, clone_temperature=1.0)
 
 
 def chooser(network: str) -> Learner:

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any, Protocol
 
 import numpy as np
+import numpy.typing as npt
 from gymnasium.spaces import Discrete
 
 
@@ -19,6 +20,14 @@ class Policy(Protocol):
             env: The environment that is played, not wrapped; a policy may look behind what agents see.
             observations: By agent.
         """
+
+
+class Weighing(Policy, Protocol):
+    """Plays an environment, and says what it thinks of what it did not do."""
+
+    worths: Mapping[str, npt.NDArray[np.float32]]
+    """What each action of an agent was worth in the latest `act`, more is better, shape (n_actions,); of the agents
+    that had a choice, by name."""
 
 
 class Random:

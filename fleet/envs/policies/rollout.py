@@ -7,7 +7,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
+from fleet.arrays import FloatArray
 from fleet.config import require
 from fleet.config.field_checks import is_number, is_whole
 from fleet.envs.dispatch.env import DispatchEnv
@@ -73,6 +75,9 @@ class RolloutPolicy:
         """Settings."""
         self.n_rollouts = 0
         """Futures played so far."""
+        self.worths: dict[str, npt.NDArray[np.float32]] = {}
+        """What each action of a car that could choose gains over leaving the car to the rule, in deliveries, shape
+        (k + 1,); 0 where it was not tried. See `Weighing`."""
         self._rng = np.random.default_rng(seed)
         self._usual = [Allocated("greedy", cost=apparent_tardiness, classes=strict) for strict in (False, True)]
         self._drawn: Jobs | None = None
@@ -81,6 +86,7 @@ class RolloutPolicy:
     def act(self, env: DispatchEnv, observations: Mapping[str, Any]) -> dict[str, Any]:
         """See `Policy`."""
         actions: dict[str, Any] = dict.fromkeys(observations, 0)
+        self.worths = {}
         # The first candidate is there if any is.
         able = np.flatnonzero(env.view.free & (env.candidates[:, 0] != NONE))
         if not len(able) or env.fleet is None:
@@ -98,20 +104,30 @@ class RolloutPolicy:
             order, given_out = outlook.jobs.order, outlook.job[outlook.job != NONE]
             open_ = ~np.isin(order[rows], order[given_out])
             places, rows = places[open_], rows[open_]
-            best = self._best(env, outlook, futures, car, rows, rule) if len(rows) else NONE
+            worth, best = np.zeros(env.candidates.shape[1] + 1, dtype=np.float32), NONE
+            if len(rows):
+                best, worth[places + 1] = self._best(env, outlook, futures, car, rows, rule)
             if best == NONE:
                 best = int(np.flatnonzero(places == usual[agent] - 1)[0]) if usual[agent] - 1 in places else NONE
             if best != NONE:
                 actions[agent] = int(places[best]) + 1
+                worth[actions[agent]] = max(worth[actions[agent]], 0.0)  # where it leaves the car to the rule
                 outlook = given(outlook, car, int(rows[best]))
+            self.worths[agent] = worth
         return actions
 
-    def _best(self, env: DispatchEnv, outlook: Outlook, futures: Jobs, car: int, rows: Ints, rule: Rule) -> int:
-        """Place of the best of the deliveries `rows` for a car; `NONE` if none is clearly better than the rule's."""
+    def _best(
+        self, env: DispatchEnv, outlook: Outlook, futures: Jobs, car: int, rows: Ints, rule: Rule
+    ) -> tuple[int, FloatArray]:
+        """Place of the best of the deliveries `rows` for a car, `NONE` if none is better than leaving it to the rule.
+
+        Returns:
+            It, and what each of them gains in the futures it was tried in, shape (n_rows,).
+        """
         config = self.config
         choices = np.append(rows, np.int32(NONE))
         left = np.arange(len(rows))
-        scores = np.zeros((len(choices), config.n_futures))
+        scores, gains = np.zeros((len(choices), config.n_futures)), np.zeros(len(rows))
         seen, to_see = 0, min(config.n_first, config.n_futures)
         while True:
             played = np.append(left, len(rows))
@@ -121,12 +137,13 @@ class RolloutPolicy:
             scores[played, seen:to_see] = told[:, seen:to_see]
             self.n_rollouts += len(played) * (to_see - seen)
             seen, to_see = to_see, min(2 * to_see, config.n_futures)
-            gain = scores[left, :seen] - scores[-1, :seen]
-            order = np.argsort(-gain.mean(axis=1), kind="stable")
+            gains[left] = (scores[left, :seen] - scores[-1, :seen]).mean(axis=1)
+            order = np.argsort(-gains[left], kind="stable")
             if seen == config.n_futures:
                 break
             left = left[order[: (len(left) + 1) // 2]]
-        return int(left[order[0]]) if gain[order[0]].mean() > 0.0 else NONE
+        best = int(left[order[0]])
+        return best if gains[best] > 0.0 else NONE, gains
 
     def _better_rule(self, env: DispatchEnv, outlook: Outlook, futures: Jobs) -> Rule:
         """The rule, with or without classes, by which the fleet does better from here on."""

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import torch
 
-from fleet.envs.policies.policy import Policy
 from fleet.training.batch import Batch, BatchStep, Bools, EnvBatch, EpisodeFigures, TypeView
 from fleet.training.ppo.learner import Floats, Learner, Rollout
 
@@ -26,6 +25,7 @@ class _Taken:
     states: list[Floats] = field(default_factory=list)
     active: list[Bools] = field(default_factory=list)
     actions: list[Any] = field(default_factory=list)
+    worths: list[Floats] = field(default_factory=list)
     log_shares: list[Floats] = field(default_factory=list)
     steps: list[BatchStep] = field(default_factory=list)
 
@@ -46,10 +46,11 @@ class Collector:
         batch: The environments.
         learners: By type.
         discount: gamma, by which the spread of the rewards is measured.
+        weighs: Whether teachers are also asked what each action is worth.
     """
 
-    def __init__(self, batch: Batch, learners: dict[str, Learner], discount: float) -> None:
-        self._batch, self._discount = batch, discount
+    def __init__(self, batch: Batch, learners: dict[str, Learner], discount: float, *, weighs: bool = False) -> None:
+        self._batch, self._discount, self._weighs = batch, discount, weighs
         self._learners = {kind.name: learners[kind.name] for kind in batch.types}
         self._running = {name: np.zeros(len(view.rows)) for name, view in batch.views.items()}
 
@@ -60,14 +61,14 @@ class Collector:
             running[:] = 0.0
 
     def roll(
-        self, n_steps: int, generator: torch.Generator, teachers: Sequence[Policy] = (), n_own: int = 0
+        self, n_steps: int, generator: torch.Generator, teachers: Sequence[Any] = (), n_own: int = 0
     ) -> tuple[dict[str, Rollout], list[EpisodeFigures]]:
         """Step all environments.
 
         Args:
             n_steps: Of each.
             generator: Source of chance.
-            teachers: One per environment; their actions are those of the rollout. None without.
+            teachers: One policy per environment; their actions are those of the rollout. None without.
             n_own: Environments, from the first, that follow what was learned although there are teachers.
 
         Returns:
@@ -80,6 +81,7 @@ class Collector:
         for t in range(n_steps):
             acts: dict[str, Any] = {}
             taught = batch.ask(teachers) if teachers and isinstance(batch, EnvBatch) else {}
+            worths = batch.weigh(teachers) if taught and self._weighs and isinstance(batch, EnvBatch) else {}
             for name, learner in self._learners.items():
                 view, one = batch.views[name], taken[name]
                 actions, log_shares = learner.choose(view, one.rows[t], generator)
@@ -92,6 +94,8 @@ class Collector:
                     )
                     acts[name] = np.where(led.reshape(-1, *[1] * (actions.ndim - 1)), taught[name], acts[name])
                     actions = learner.plain(taught[name])
+                if name in worths:
+                    one.worths.append(worths[name])
                 one.look(t, view)
                 one.actions.append(actions)
                 one.log_shares.append(log_shares)
@@ -130,6 +134,7 @@ class Collector:
             state=None if state is None else state.reshape(*shape, -1),
             active=active,
             actions=np.stack(taken.actions),
+            worths=np.stack(taken.worths) if taken.worths else None,
             log_shares=np.stack(taken.log_shares),
             values=values,
             after=after,

@@ -38,6 +38,8 @@ class Rollout:
     """Agents that there were, shape (T, n)."""
     actions: npt.NDArray[Any]
     """As drawn, or those of a teacher, shape (T, n, n_entries) or (T, n)."""
+    worths: Floats | None = None
+    """What a teacher thinks of each action, shape (T, n, n_actions)."""
     log_shares: Floats
     values: Floats
     after: Floats
@@ -92,6 +94,8 @@ class _Shown(NamedTuple):
     mask: Tensor | None
     actions: Tensor
     """As the network has them."""
+    shares: Tensor | None = None
+    """How often to do each action instead, shape (n, n_actions)."""
 
     def then(self, later: _Shown) -> _Shown:
         """These samples and later ones."""
@@ -99,6 +103,7 @@ class _Shown(NamedTuple):
             rows=torch.cat((self.rows, later.rows)),
             mask=None if self.mask is None or later.mask is None else torch.cat((self.mask, later.mask)),
             actions=torch.cat((self.actions, later.actions)),
+            shares=None if self.shares is None or later.shares is None else torch.cat((self.shares, later.shares)),
         )
 
 
@@ -344,11 +349,15 @@ class Learner:
         """What a teacher said in a rollout, where there was a choice."""
         there = rollout.active
         rows, actions = torch.from_numpy(rollout.seen), torch.from_numpy(rollout.actions[there])
-        if rollout.mask is None:
-            return _Shown(rows, None, actions)
-        mask = torch.from_numpy(rollout.mask[there])
+        mask = None if rollout.mask is None else torch.from_numpy(rollout.mask[there])
+        shares = None
+        if rollout.worths is not None:
+            scores = torch.from_numpy(rollout.worths[there]) / self._config.clone_temperature
+            shares = torch.softmax(scores if mask is None else scores.masked_fill(~mask, -torch.inf), dim=1)
+        if mask is None:
+            return _Shown(rows, None, actions, shares)
         chose = mask.sum(dim=1) > 1
-        return _Shown(rows[chose], mask[chose], actions[chose])
+        return _Shown(rows[chose], mask[chose], actions[chose], None if shares is None else shares[chose])
 
     def _imitate(self, shown: _Shown, n_epochs: int, rate: float, generator: torch.Generator) -> float:
         """Imitate samples; returns how far the policy was from them, as a mean over all steps."""
@@ -358,18 +367,23 @@ class Learner:
         for _ in range(n_epochs):
             for picked in self._minibatches(len(rows), generator):
                 legal = None if shown.mask is None else shown.mask[picked]
-                loss = self._imitation(rows[picked], legal, shown.actions[picked], chose[picked])
+                shares = None if shown.shares is None else shown.shares[picked]
+                loss = self._imitation(rows[picked], legal, shown.actions[picked], chose[picked], shares)
                 self._step(loss, rate)
                 losses.append(loss.item())
         return float(np.mean(losses)) if losses else float("nan")
 
-    def _imitation(self, rows: Tensor, mask: Tensor | None, actions: Tensor, chose: Tensor) -> Tensor:
-        """Mean distance from a teacher who had a choice and did what is legal."""
+    def _imitation(
+        self, rows: Tensor, mask: Tensor | None, actions: Tensor, chose: Tensor, shares: Tensor | None = None
+    ) -> Tensor:
+        """Mean distance from a teacher who had a choice and did what is legal, or from shares of actions."""
         if mask is not None:
             chose = chose & mask.gather(1, actions[:, None]).squeeze(1)
         if not chose.any():
             return torch.zeros(())
         scores = self.network.scores(rows[chose], None if mask is None else mask[chose])
+        if shares is not None:
+            return self.network.resemblance(scores, shares[chose]).mean()
         return self.network.imitation(scores, actions[chose]).mean()
 
     def _descend(self, samples: _Samples, rate: float, anchor: float) -> tuple[float, ...]:

@@ -117,6 +117,10 @@ class Network(nn.Module):
             return -scores.gather(1, actions[:, None]).squeeze(1)
         return 0.5 * ((actions - scores) ** 2).sum(dim=1)
 
+    def resemblance(self, scores: Tensor, shares: Tensor) -> Tensor:
+        """Cross entropy of shares of actions (b, n_actions) and this policy, shape (b,); illegal ones have none."""
+        return -(shares * scores).sum(dim=1)
+
     def divergence(self, scores: Tensor, known: Tensor, known_log_std: Tensor | None) -> Tensor:
         """Kullback-Leibler divergence of this policy from a known one, that one first, shape (b,).
 

@@ -64,6 +64,11 @@ class Trainer:
         ppo = config.ppo
         if ppo.clone_n and self.recipe.teacher is None:
             raise TrainingError(f"ppo.clone_n is {ppo.clone_n}, and {config.env} has no teacher; valid: 0")
+        if ppo.clone_temperature and not (self.recipe.teacher and hasattr(self.recipe.teacher(), "worths")):
+            raise TrainingError(
+                f"ppo.clone_temperature is {ppo.clone_temperature}, and {config.env} has no teacher that says what "
+                f"each action is worth; valid: 0"
+            )
         kinds, n_state = self.recipe.survey(config.arguments, config.held)
         self._n_state = n_state if ppo.critic == "central" else 0
         if ppo.critic == "central" and not n_state:
@@ -141,7 +146,8 @@ class Trainer:
             self.close()
             self._cloning = cloning
             self._batch = self._make_batch()
-            self._collector = Collector(self._batch, self.learners, ppo.discount)
+            weighs = ppo.clone_temperature > 0.0
+            self._collector = Collector(self._batch, self.learners, ppo.discount, weighs=weighs)
             made = isinstance(self._batch, EnvBatch) and self.recipe.teacher is not None and cloning
             self._teachers = [self.recipe.teacher() for _ in range(ppo.envs_n)] if made and self.recipe.teacher else []
         sequence = np.random.SeedSequence([self.config.seed, _EPISODES, self.n_done])

@@ -107,16 +107,18 @@ DISPATCH_DUE = Recipe(
     figures=("delivered", "late", "waiting"),
     at_end={"tardiness_min": tardiness_min},
     # All of them clone: a rollout that half of the environments only ask, while agents do what they have learned.
-    n_steps=1_200_000,
+    n_steps=1_000_000,
     ppo=PpoConfig(
         envs_n=len(_TRIED + _SHOWN),
         horizon_n=240,
         minibatch_n=512,
         learning_rate=1e-3,
         network="attention",
-        clone_n=1_200_000,
+        clone_n=1_000_000,
         # Of 53,760 steps of an update some 3,500 are choices.
         clone_all=True,
+        # In deliveries. Most candidates are nearly alike, and which of them is best is chance; some are worth many.
+        clone_temperature=2.0,
     ),
     layouts={"car": LAYOUT},
     teacher=_rollout,

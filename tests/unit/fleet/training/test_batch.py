@@ -172,6 +172,18 @@ def test_policies_are_asked_for_what_agents_of_their_environment_would_do() -> N
     assert found["arm"].tolist() == [1, 2]
 
 
+def test_policies_say_what_each_action_of_an_agent_is_worth() -> None:
+    class Weighs:
+        def __init__(self, worth: float) -> None:
+            self.worths = {"arm_0": np.array([0.0, worth, 0.0], dtype=np.float32)} if worth else {}
+
+    batch = EnvBatch([Team(), Team()])
+    batch.reset([0, 0])
+    found = batch.weigh([Weighs(0.0), Weighs(2.0)])  # type: ignore[list-item]
+    assert list(found) == ["arm"], "continuous actions have no worths"
+    assert found["arm"].max(axis=1).tolist() == [0.0, 2.0]
+
+
 def test_agents_of_a_type_that_are_not_alike_in_all_environments_are_refused() -> None:
     other = Team()
     other.action_space = lambda agent: Box(-1.0, 1.0, (2,), np.float32)  # type: ignore[method-assign]
