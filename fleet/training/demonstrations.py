@@ -19,7 +19,7 @@ from fleet.training.batch import AgentType, agent_types, mask_of, type_of, vecto
 from fleet.training.errors import TrainingError
 from fleet.whole_file import write_whole
 
-_NAMES = ("rows", "mask", "actions")
+_NAMES = ("rows", "mask", "actions", "worths")
 _DAMAGED = (OSError, ValueError, TypeError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error)
 """What reading a damaged archive raises, one that is packed in another way, and an array alone."""
 
@@ -34,12 +34,14 @@ class Demonstration:
     """Legal actions, shape (n, n_actions); None without masks."""
     actions: npt.NDArray[Any]
     """As the environment takes them, shape (n,) or (n, n_entries)."""
+    worths: npt.NDArray[np.float32] | None = None
+    """What each action was worth, shape (n, n_actions); None where nobody said so."""
 
     def require(self, kind: AgentType, path: Path) -> None:
         """Make sure that it is of these agents.
 
         Raises:
-            TrainingError: Observations, masks or actions are of another shape.
+            TrainingError: Observations, masks, actions or worths are of another shape.
         """
         n_actions = int(kind.action.n) if isinstance(kind.action, Discrete) else 0
         wanted = {
@@ -47,6 +49,8 @@ class Demonstration:
             "actions": (self.actions.shape[1:], kind.action.shape),
             "mask": (None if self.mask is None else self.mask.shape[1:], (n_actions,) if kind.masked else None),
         }
+        if self.worths is not None:
+            wanted["worths"] = (self.worths.shape[1:], (n_actions,))
         for name, (found, valid) in wanted.items():
             if found != valid:
                 raise TrainingError(f"{path}: {kind.name}_{name} has rows of shape {found}; valid: {valid}")
@@ -56,7 +60,7 @@ def write_demonstrations(path: Path, told: Mapping[str, Demonstration]) -> None:
     """Write a file, whole or not at all.
 
     Args:
-        path: An .npz file, with the arrays `<type>_rows`, `<type>_mask` and `<type>_actions`.
+        path: An .npz file, with the arrays `<type>_rows`, `<type>_mask`, `<type>_actions` and `<type>_worths`.
         told: By type of agents.
     """
     arrays: dict[str, npt.NDArray[Any]] = {}
@@ -64,6 +68,8 @@ def write_demonstrations(path: Path, told: Mapping[str, Demonstration]) -> None:
         arrays |= {f"{kind}_rows": one.rows, f"{kind}_actions": one.actions}
         if one.mask is not None:
             arrays[f"{kind}_mask"] = one.mask
+        if one.worths is not None:
+            arrays[f"{kind}_worths"] = one.worths
     content = io.BytesIO()
     np.savez_compressed(content, allow_pickle=False, **arrays)
     write_whole(path, content.getvalue())
@@ -91,15 +97,18 @@ def read_demonstrations(path: Path) -> dict[str, Demonstration]:
         raise TrainingError(f"{path}: has no array of observations; valid: arrays TYPE_rows, TYPE_actions, TYPE_mask")
     told = {}
     for kind in kinds:
-        rows, actions, mask = (arrays.get(f"{kind}_{name}") for name in ("rows", "actions", "mask"))
+        rows, mask, actions, worths = (arrays.get(f"{kind}_{name}") for name in _NAMES)
         assert rows is not None
-        for name, array in (("actions", actions), ("mask", mask if mask is not None else rows)):
-            if array is None or len(array) != len(rows):
-                n = 0 if array is None else len(array)
+        for name, array in (("actions", actions), ("mask", mask), ("worths", worths)):
+            n = 0 if array is None else len(array)
+            if n != len(rows) and (array is not None or name == "actions"):
                 raise TrainingError(f"{path}: {kind}_{name} has {n} rows of {len(rows)}; valid: one for each")
         assert actions is not None
         told[kind] = Demonstration(
-            rows=rows.astype(np.float32), mask=None if mask is None else mask == 1, actions=actions
+            rows=rows.astype(np.float32),
+            mask=None if mask is None else mask == 1,
+            actions=actions,
+            worths=None if worths is None else worths.astype(np.float32),
         )
     return told
 
@@ -110,7 +119,8 @@ def demonstrate(path: Path, env: Any, policy: Policy, seeds: Sequence[int]) -> i
     Agents that have no choice, having one legal action only, teach nothing and are left out.
 
     Args:
-        path: An .npz file with the arrays `<type>_rows`, `<type>_mask` and `<type>_actions`.
+        path: An .npz file with the arrays `<type>_rows`, `<type>_mask` and `<type>_actions`, and `<type>_worths` if the
+            policy says what each action was worth (`Weighing`).
         env: A parallel environment.
         policy: Decides for all agents.
         seeds: Of the episodes.
@@ -119,16 +129,17 @@ def demonstrate(path: Path, env: Any, policy: Policy, seeds: Sequence[int]) -> i
         Samples in the file.
     """
     kinds = {kind.name: kind for kind in agent_types(env)}
-    told: dict[str, list[tuple[Any, Any, Any]]] = {name: [] for name in kinds}
+    told: dict[str, list[tuple[Any, Any, Any, Any]]] = {name: [] for name in kinds}
     for seed in seeds:
         observations, _ = env.reset(seed=seed)
         while env.agents:
             actions = policy.act(env, observations)
+            worths = getattr(policy, "worths", {})
             for agent, seen in observations.items():
                 kind = kinds[type_of(agent)]
                 mask = mask_of(seen, kind) if kind.masked else None
                 if mask is None or np.count_nonzero(mask) > 1:
-                    told[kind.name].append((vector(seen), mask, actions[agent]))
+                    told[kind.name].append((vector(seen), mask, actions[agent], worths.get(agent)))
             observations, *_ = env.step(actions)
             observations = {agent: observations[agent] for agent in env.agents}  # without those that have left
     found = {
@@ -136,6 +147,7 @@ def demonstrate(path: Path, env: Any, policy: Policy, seeds: Sequence[int]) -> i
             rows=np.stack([one[0] for one in samples]).astype(np.float32),
             mask=np.stack([one[1] for one in samples]) if kinds[name].masked else None,
             actions=np.stack([np.asarray(one[2]) for one in samples]),
+            worths=None if any(one[3] is None for one in samples) else np.stack([one[3] for one in samples]),
         )
         for name, samples in told.items()
         if samples

@@ -75,9 +75,9 @@ class PpoConfig:
     paper's aggregated data set): where choices are rare, a few steps hold too few."""
     clone_temperature: float = 0.0
     """Of teachers that say what each action is worth: the agent learns to do each as often as the softmax of worths
-    over this says, so that it is told how much better one is, and not only which; 0: what the teacher did. Needs
-    `clone_all` (S. Ross, J. A. Bagnell, "Reinforcement and Imitation Learning via Interactive No-Regret Learning",
-    arXiv:1406.5979, 2014, clones worths, by another loss)."""
+    over this says, so that it is told how much better one is, and not only which; 0: what the teacher did. With
+    `clone_n` it needs `clone_all`. Source: S. Ross, J. A. Bagnell, "Reinforcement and Imitation Learning via
+    Interactive No-Regret Learning", arXiv:1406.5979, 2014, who learn from worths, by another loss."""
     clone_epochs_n: int = 10
     """Times that each sample of a file of demonstrations is used, before the first step."""
     anchor: float = 0.0
@@ -99,7 +99,7 @@ class PpoConfig:
         for name in ("entropy", "value", "learning_rate_end", "divergence", "anchor", "clone_temperature"):
             value = getattr(self, name)
             require(math.isfinite(value) and value >= 0, f"ppo.{name}", value, "a number >= 0")
-        soft_ok = self.clone_all or not self.clone_temperature
+        soft_ok = self.clone_all or not self.clone_n or not self.clone_temperature
         require(soft_ok, "ppo.clone_temperature", self.clone_temperature, "0, or more with clone_all")
         require(-20.0 <= self.log_std <= 2.0, "ppo.log_std", self.log_std, "a number from -20 to 2")
         widths_ok = bool(self.hidden) and min(self.hidden) >= 1 and max(self.hidden) <= WIDEST

@@ -238,6 +238,18 @@ def test_a_teacher_that_says_what_actions_are_worth_is_cloned_by_how_much_better
     assert learner.act(view, None).tolist() == [1]
 
 
+@pytest.mark.parametrize("temperature", [0.0, 2.0])
+def test_worths_in_a_file_of_demonstrations_are_cloned_if_they_are_asked_for(temperature: float) -> None:
+    kind = AgentType(name="car", n_observed=1, action=Discrete(2), masked=False)
+    learner = Learner(kind, replace(PPO, clone_temperature=temperature), 0, torch.Generator().manual_seed(0))
+    rows = np.linspace(-1.0, 1.0, 200, dtype=np.float32)[:, None]
+    worths = np.tile(np.array([0.0, 2.0], dtype=np.float32), (200, 1))
+    told = Demonstration(rows=rows, mask=None, actions=np.zeros(200, dtype=np.int64), worths=worths)
+    learner.clone_samples(told, 60, 1e-2, torch.Generator().manual_seed(0))
+    view = TypeView(rows=np.zeros((1, 1), dtype=np.float32), mask=None, active=np.ones(1, dtype=np.bool_))
+    assert float(np.exp(learner.scores(view))[0, 1]) == pytest.approx(0.731 if temperature else 0.0, abs=0.02)
+
+
 @pytest.mark.parametrize("action", [Box(-1.0, 1.0, (1,), np.float32), Discrete(3)])
 def test_an_anchor_holds_a_policy_near_what_was_cloned(action: Box | Discrete) -> None:
     kind = AgentType(name="car", n_observed=1, action=action, masked=False)

@@ -258,7 +258,8 @@ class Learner:
             generator: Source of the order of samples.
         """
         self._notice(told.rows, None)
-        shown = _Shown(torch.from_numpy(told.rows), _tensor(told.mask), torch.from_numpy(self.plain(told.actions)))
+        mask, actions = _tensor(told.mask), torch.from_numpy(self.plain(told.actions))
+        shown = _Shown(torch.from_numpy(told.rows), mask, actions, self._shares(told.worths, mask))
         self._imitate(shown, n_epochs, rate, generator)
 
     @property
@@ -350,14 +351,19 @@ class Learner:
         there = rollout.active
         rows, actions = torch.from_numpy(rollout.seen), torch.from_numpy(rollout.actions[there])
         mask = None if rollout.mask is None else torch.from_numpy(rollout.mask[there])
-        shares = None
-        if rollout.worths is not None:
-            scores = torch.from_numpy(rollout.worths[there]) / self._config.clone_temperature
-            shares = torch.softmax(scores if mask is None else scores.masked_fill(~mask, -torch.inf), dim=1)
+        shares = self._shares(None if rollout.worths is None else rollout.worths[there], mask)
         if mask is None:
             return _Shown(rows, None, actions, shares)
         chose = mask.sum(dim=1) > 1
         return _Shown(rows[chose], mask[chose], actions[chose], None if shares is None else shares[chose])
+
+    def _shares(self, worths: Floats | None, mask: Tensor | None) -> Tensor | None:
+        """How often to do actions that are worth so much, shape (n, n_actions)."""
+        temperature = self._config.clone_temperature
+        if worths is None or not temperature:
+            return None
+        scores = torch.from_numpy(worths) / temperature
+        return torch.softmax(scores if mask is None else scores.masked_fill(~mask, -torch.inf), dim=1)
 
     def _imitate(self, shown: _Shown, n_epochs: int, rate: float, generator: torch.Generator) -> float:
         """Imitate samples; returns how far the policy was from them, as a mean over all steps."""

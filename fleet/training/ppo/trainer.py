@@ -64,7 +64,8 @@ class Trainer:
         ppo = config.ppo
         if ppo.clone_n and self.recipe.teacher is None:
             raise TrainingError(f"ppo.clone_n is {ppo.clone_n}, and {config.env} has no teacher; valid: 0")
-        if ppo.clone_temperature and not (self.recipe.teacher and hasattr(self.recipe.teacher(), "worths")):
+        weighs = self.recipe.teacher is not None and hasattr(self.recipe.teacher(), "worths")
+        if ppo.clone_n and ppo.clone_temperature and not weighs:
             raise TrainingError(
                 f"ppo.clone_temperature is {ppo.clone_temperature}, and {config.env} has no teacher that says what "
                 f"each action is worth; valid: 0"

@@ -23,6 +23,17 @@ def test_choices_are_written_and_read(tmp_path: Path) -> None:
     assert (told.actions == 1).all()
     assert told.rows.shape == (n, env.observation_space("car_0")["observation"].shape[0])  # type: ignore[index]
     assert np.isfinite(told.rows).all()
+    assert told.worths is None, "nobody has said what an action is worth"
+    env.close()
+
+
+def test_what_actions_are_worth_is_written_where_a_policy_says_so(tmp_path: Path) -> None:
+    env = dispatch_v0.parallel_env(site="small", n_cars=3, max_cycles=12)
+    demonstrate(tmp_path / "rollout.npz", env, make_policy("dispatch", "rollout"), (0,))
+    told = read_demonstrations(tmp_path / "rollout.npz")["car"]
+    assert told.worths is not None
+    assert told.worths.shape == (len(told.actions), 9)
+    assert (told.worths[np.arange(len(told.actions)), told.actions] >= 0.0).all()
     env.close()
 
 

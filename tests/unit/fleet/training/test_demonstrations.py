@@ -15,7 +15,7 @@ def test_what_was_written_is_read(tmp_path: Path) -> None:
     mask = np.array([[True, False]] * 3)
     told = {
         "car": Demonstration(rows=ROWS, mask=None, actions=ROWS[:, :1]),
-        "arm": Demonstration(rows=ROWS, mask=mask, actions=np.zeros(3, dtype=np.int64)),
+        "arm": Demonstration(rows=ROWS, mask=mask, actions=np.zeros(3, dtype=np.int64), worths=2.0 * ROWS),
     }
     write_demonstrations(tmp_path / "told.npz", told)
     found = read_demonstrations(tmp_path / "told.npz")
@@ -25,6 +25,9 @@ def test_what_was_written_is_read(tmp_path: Path) -> None:
     assert (found["car"].actions == ROWS[:, :1]).all()
     assert found["arm"].mask is not None
     assert (found["arm"].mask == mask).all()
+    assert found["car"].worths is None
+    assert found["arm"].worths is not None
+    assert (found["arm"].worths == 2.0 * ROWS).all()
 
 
 @pytest.mark.parametrize(
@@ -33,6 +36,7 @@ def test_what_was_written_is_read(tmp_path: Path) -> None:
         ({"car_rows": ROWS}, "car_actions has 0 rows of 3; valid: one for each"),
         ({"car_rows": ROWS, "car_actions": ROWS[:2]}, "car_actions has 2 rows of 3"),
         ({"car_rows": ROWS, "car_actions": ROWS, "car_mask": ROWS[:1]}, "car_mask has 1 rows of 3"),
+        ({"car_rows": ROWS, "car_actions": ROWS, "car_worths": ROWS[:1]}, "car_worths has 1 rows of 3"),
         ({"numbers": ROWS}, "has no array of observations"),
         ({"car_rows": np.array([{}]), "car_actions": ROWS[:1]}, "cannot be read as demonstrations"),
     ],
