@@ -60,11 +60,18 @@ def test_what_means_nothing_is_refused(written: Write, text: str, words: str) ->
         ("critic", "shared"),
         ("clone_own", 1.5),
         ("anchor", -1.0),
+        ("clone_temperature", -1.0),
     ],
 )
 def test_values_outside_their_range_are_refused(name: str, value: object) -> None:
     with pytest.raises(ConfigError, match=f"ppo.{name} is"):
         PpoConfig(**{name: value})
+
+
+def test_a_temperature_of_cloning_wants_all_that_was_said() -> None:
+    with pytest.raises(ConfigError, match=r"ppo.clone_temperature is 2.0; valid: 0, or more with clone_all"):
+        PpoConfig(clone_n=100, clone_temperature=2.0)
+    assert PpoConfig(clone_temperature=2.0).clone_n == 0, "a file of demonstrations is cloned whole"
 
 
 def test_attention_wants_a_width_that_its_heads_divide() -> None:
