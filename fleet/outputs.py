@@ -39,10 +39,9 @@ def require_file_below(option: str, path: Path | None) -> None:
     """
     if path is None:
         return
-    if path.exists():
+    _require_room(option, path, path.parent, "file")
+    if path.parent.exists():
         require_file(option, path)
-    else:
-        _require_room(option, path, path.parent, "file")
 
 
 def require_folder(option: str, path: Path) -> None:

@@ -40,7 +40,7 @@ def play_episodes(
         policies: By name; the first one is what was learned, and is recorded.
         changes: What differs from the training, by option in `OPTIONS`.
         seeds: Of the episodes.
-        folder: Made once it is known that they can play; what an earlier call has left there is removed.
+        folder: Made once it is known that they can play; recordings of an earlier call are removed.
         on_episode: Called with the number of episodes played so far.
         interrupted: No longer empty when no further episode is to begin; a `KeyboardInterrupt` ends the one under way,
             too.
@@ -81,25 +81,29 @@ def require_output(folder: Path) -> None:
 
     Raises:
         ConfigError: It cannot be made or written.
-        TrainingError: It holds a training run, whose figures have the same name.
+        TrainingError: It holds a training run, whose figures have the same name, or a directory where a file belongs.
     """
     require_folder("--out", folder)
     if (folder / CHECKPOINT).exists():
         raise TrainingError(f"--out {folder}: holds a training run; valid: another directory")
+    for path in (folder / EPISODES, *recordings(folder)):
+        if path.is_dir():
+            raise TrainingError(f"--out {folder}: {path.name} is a directory; valid: a file, or nothing there")
 
 
 def recordings(folder: Path) -> list[Path]:
     """Recordings of episodes in a folder, in their order."""
-    return sorted(folder.glob("episode_*.rrd"))
+    return [path for path in sorted(folder.glob("episode_*.rrd")) if path.stem.removeprefix("episode_").isdecimal()]
 
 
 def _make_way(folder: Path) -> None:
+    """Make a folder, or remove the recordings that are in it; figures take the place of others by themselves."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        for path in (folder / EPISODES, *recordings(folder)):
-            path.unlink(missing_ok=True)
+        for path in recordings(folder):
+            path.unlink()
     except OSError as error:
-        raise TrainingError(f"--out {folder}: the figures of before cannot be replaced: {error}") from error
+        raise TrainingError(f"--out {folder}: {error.strerror}; valid: a directory that can be written") from error
 
 
 def _made(run: LearnedRun, changes: Mapping[str, Any], recorded: Mapping[str, Any]) -> Any:

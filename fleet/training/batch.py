@@ -359,7 +359,7 @@ def mask_of(observation: Mapping[str, Any], kind: AgentType) -> Bools:
     return masks_of(np.asarray(observation["action_mask"])[None], kind)[0]
 
 
-def masks_of(masks: npt.NDArray[np.int8], kind: AgentType) -> Bools:
+def masks_of(masks: npt.NDArray[np.int8] | Bools, kind: AgentType) -> Bools:
     """The actions that several agents of a type choose among, shape (n, n_actions), from their masks."""
     mask: Bools = masks == 1
     layout = kind.layout

@@ -41,7 +41,7 @@ class Demonstration:
         """Make sure that it is of these agents.
 
         Raises:
-            TrainingError: Observations, masks, actions or worths are of another shape.
+            TrainingError: Observations, masks, actions or worths are of another shape, or there is no such action.
         """
         n_actions = int(kind.action.n) if isinstance(kind.action, Discrete) else 0
         wanted = {
@@ -50,10 +50,15 @@ class Demonstration:
             "mask": (None if self.mask is None else self.mask.shape[1:], (n_actions,) if kind.masked else None),
         }
         if self.worths is not None:
-            wanted["worths"] = (self.worths.shape[1:], (n_actions,))
+            wanted["worths"] = (self.worths.shape[1:], (n_actions,) if n_actions else None)
         for name, (found, valid) in wanted.items():
             if found != valid:
                 raise TrainingError(f"{path}: {kind.name}_{name} has rows of shape {found}; valid: {valid}")
+        if n_actions:
+            odd = self.actions[~np.isin(self.actions, np.arange(n_actions))]
+            if len(odd):
+                numbers = f"integers from 0 to {n_actions - 1}"
+                raise TrainingError(f"{path}: {kind.name}_actions has {odd[0]}; valid: {numbers}")
 
 
 def write_demonstrations(path: Path, told: Mapping[str, Demonstration]) -> None:
@@ -79,7 +84,7 @@ def read_demonstrations(path: Path) -> dict[str, Demonstration]:
     """Read a file; nothing in it is run as code, arrays of other names are left alone.
 
     Raises:
-        TrainingError: It cannot be read, or an array is missing or of another length.
+        TrainingError: It cannot be read, an array is missing or of another length, or a number is not finite.
     """
     try:
         with path.open("rb") as source, np.load(source, allow_pickle=False) as file:
@@ -92,6 +97,8 @@ def read_demonstrations(path: Path) -> dict[str, Demonstration]:
             raise TrainingError(
                 f"{path}: {name} is an array of {array.dtype}, {array.ndim} axes; valid: rows of numbers"
             )
+        if not (np.abs(array) <= np.finfo(np.float32).max).all():
+            raise TrainingError(f"{path}: {name} has numbers that are not finite in 32 bits; valid: finite ones")
     kinds = [name.rpartition("_")[0] for name in arrays if name.endswith("_rows")]
     if not kinds:
         raise TrainingError(f"{path}: has no array of observations; valid: arrays TYPE_rows, TYPE_actions, TYPE_mask")

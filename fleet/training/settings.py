@@ -17,6 +17,8 @@ NETWORKS, CRITICS = ("perceptron", "attention"), ("own", "central")
 _FORM = "TOML with steps_n, checkpoint_n and tables [ppo] and [env]"
 N_HEADS = 4
 """Of attention."""
+COLDEST = 1e-6
+"""Least temperature: divided by less, worths leave the range of 32 bits."""
 MOST_SAMPLES, WIDEST = 10_000_000, 16_384
 """Samples of an update, and width of a layer, that fit into memory."""
 
@@ -96,9 +98,12 @@ class PpoConfig:
             require(math.isfinite(value) and value > 0, f"ppo.{name}", value, "a number > 0")
         for name in ("discount", "gae", "clone_own"):
             require(0.0 <= getattr(self, name) <= 1.0, f"ppo.{name}", getattr(self, name), "a number from 0 to 1")
-        for name in ("entropy", "value", "learning_rate_end", "divergence", "anchor", "clone_temperature"):
+        for name in ("entropy", "value", "learning_rate_end", "divergence", "anchor"):
             value = getattr(self, name)
             require(math.isfinite(value) and value >= 0, f"ppo.{name}", value, "a number >= 0")
+        value = self.clone_temperature
+        valid = f"0, or a number from {COLDEST:g}"
+        require(value == 0 or (math.isfinite(value) and value >= COLDEST), "ppo.clone_temperature", value, valid)
         soft_ok = self.clone_all or not self.clone_n or not self.clone_temperature
         require(soft_ok, "ppo.clone_temperature", self.clone_temperature, "0, or more with clone_all")
         require(-20.0 <= self.log_std <= 2.0, "ppo.log_std", self.log_std, "a number from -20 to 2")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
@@ -248,6 +249,29 @@ def test_worths_in_a_file_of_demonstrations_are_cloned_if_they_are_asked_for(tem
     learner.clone_samples(told, 60, 1e-2, torch.Generator().manual_seed(0))
     view = TypeView(rows=np.zeros((1, 1), dtype=np.float32), mask=None, active=np.ones(1, dtype=np.bool_))
     assert float(np.exp(learner.scores(view))[0, 1]) == pytest.approx(0.731 if temperature else 0.0, abs=0.02)
+
+
+def test_demonstrations_that_do_not_fit_an_agent_are_refused() -> None:
+    rows, actions = np.zeros((3, 1), dtype=np.float32), np.array([0, 1, 7])
+    car = AgentType(name="car", n_observed=1, action=Discrete(2), masked=False)
+    with pytest.raises(TrainingError, match=r"told.npz: car_actions has 7; valid: integers from 0 to 1"):
+        Demonstration(rows=rows, mask=None, actions=actions).require(car, Path("told.npz"))
+    arm = AgentType(name="arm", n_observed=1, action=Box(-1.0, 1.0, (1,), np.float32), masked=False)
+    with pytest.raises(TrainingError, match=r"arm_worths has rows of shape \(2,\); valid: None"):
+        Demonstration(rows=rows, mask=None, actions=rows, worths=np.zeros((3, 2), dtype=np.float32)).require(
+            arm, Path("told.npz")
+        )
+
+
+def test_a_run_of_before_a_setting_goes_on_as_it_comes(tmp_path: Path, known: Callable[..., None]) -> None:
+    stop: list[int] = []
+    first = trainer_of(tmp_path, 4)
+    assert not first.run(lambda row: stop.append(1) if row["update"] == 2 else None, stop)
+    state = torch.load(tmp_path / CHECKPOINT, weights_only=True)
+    config = json.loads(state["config"])
+    del config["ppo"]["clone_temperature"]
+    torch.save(state | {"config": json.dumps(config)}, tmp_path / CHECKPOINT)
+    assert trainer_of(tmp_path, 4, resume=True).n_done == 2
 
 
 @pytest.mark.parametrize("action", [Box(-1.0, 1.0, (1,), np.float32), Discrete(3)])

@@ -25,9 +25,10 @@ class Policy(Protocol):
 class Weighing(Policy, Protocol):
     """Plays an environment, and says what it thinks of what it did not do."""
 
-    worths: Mapping[str, npt.NDArray[np.float32]]
-    """What each action of an agent was worth in the latest `act`, more is better, shape (n_actions,); of the agents
-    that had a choice, by name."""
+    @property
+    def worths(self) -> Mapping[str, npt.NDArray[np.float32]]:
+        """What each action of an agent was worth in the latest `act`, more is better, shape (n_actions,); of the agents
+        that had a choice, by name."""
 
 
 class Random:

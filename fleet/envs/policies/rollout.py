@@ -77,7 +77,8 @@ class RolloutPolicy:
         """Futures played so far."""
         self.worths: dict[str, npt.NDArray[np.float32]] = {}
         """What each action of a car that could choose gains over leaving the car to the rule, in deliveries, shape
-        (k + 1,); 0 where it was not tried. See `Weighing`."""
+        (k + 1,); 0, as if it was left to the rule, where it was not tried: of taking nothing, and of candidates that a
+        car before it was given. See `Weighing`."""
         self._rng = np.random.default_rng(seed)
         self._usual = [Allocated("greedy", cost=apparent_tardiness, classes=strict) for strict in (False, True)]
         self._drawn: Jobs | None = None

@@ -13,7 +13,7 @@ import torch
 from gymnasium.spaces import Box
 from torch import Tensor
 
-from fleet.training.batch import AgentType, TypeView
+from fleet.training.batch import AgentType, TypeView, masks_of
 from fleet.training.demonstrations import Demonstration
 from fleet.training.normalizer import Normalizer
 from fleet.training.ppo.advantages import advantages
@@ -258,7 +258,8 @@ class Learner:
             generator: Source of the order of samples.
         """
         self._notice(told.rows, None)
-        mask, actions = _tensor(told.mask), torch.from_numpy(self.plain(told.actions))
+        mask = None if told.mask is None else torch.from_numpy(masks_of(told.mask, self.kind))
+        actions = torch.from_numpy(self.plain(told.actions))
         shown = _Shown(torch.from_numpy(told.rows), mask, actions, self._shares(told.worths, mask))
         self._imitate(shown, n_epochs, rate, generator)
 
@@ -389,7 +390,7 @@ class Learner:
             return torch.zeros(())
         scores = self.network.scores(rows[chose], None if mask is None else mask[chose])
         if shares is not None:
-            return self.network.resemblance(scores, shares[chose]).mean()
+            return self.network.cross_entropy(scores, shares[chose]).mean()
         return self.network.imitation(scores, actions[chose]).mean()
 
     def _descend(self, samples: _Samples, rate: float, anchor: float) -> tuple[float, ...]:

@@ -117,7 +117,7 @@ class Network(nn.Module):
             return -scores.gather(1, actions[:, None]).squeeze(1)
         return 0.5 * ((actions - scores) ** 2).sum(dim=1)
 
-    def resemblance(self, scores: Tensor, shares: Tensor) -> Tensor:
+    def cross_entropy(self, scores: Tensor, shares: Tensor) -> Tensor:
         """Cross entropy of shares of actions (b, n_actions) and this policy, shape (b,); illegal ones have none."""
         return -(shares * scores).sum(dim=1)
 

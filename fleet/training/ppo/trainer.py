@@ -24,7 +24,7 @@ from fleet.training.ppo.learner import LOSSES, Learner
 from fleet.training.ppo.policy import LearnedPolicy, described, require_kinds, told_config, told_settings
 from fleet.training.recipes import RECIPES
 from fleet.training.results import CHECKPOINT
-from fleet.training.settings import TrainConfig
+from fleet.training.settings import PpoConfig, TrainConfig
 
 Row = dict[str, float]
 """Figures of one update, as they go into the table of progress."""
@@ -198,13 +198,16 @@ class Trainer:
                     losses = learner.learn(rollouts[name], rate, ppo.anchor * left, generator)
             if self.n_steps >= ppo.clone_n:
                 learner.forget_teacher()
-            if not learner.is_finite:
-                raise TrainingError(
-                    f"update {self.n_done}: what agents of type {name} have learned is no longer finite, "
-                    f"ppo.learning_rate is {ppo.learning_rate!r}; valid: a smaller one"
-                )
+            self._require_finite(name, f"update {self.n_done}")
             row |= {f"{name}_{loss}": value for loss, value in losses.items()}
         return row
+
+    def _require_finite(self, name: str, when: str) -> None:
+        if not self.learners[name].is_finite:
+            raise TrainingError(
+                f"{when}: what agents of type {name} have learned is no longer finite, "
+                f"ppo.learning_rate is {self.config.ppo.learning_rate!r}; valid: a smaller one"
+            )
 
     @property
     def _knows_something(self) -> bool:
@@ -249,6 +252,7 @@ class Trainer:
         generator = _generator(self.config.seed, _DEMONSTRATIONS, 0)
         for name, one in self._demonstrations.items():
             self.learners[name].clone_samples(one, ppo.clone_epochs_n, ppo.learning_rate, generator)
+            self._require_finite(name, f"demonstrations {self.config.demonstrations}")
         self._demonstrations = {}
 
     def _save(self) -> None:
@@ -290,9 +294,11 @@ def _generator(seed: int, branch: int, update: int) -> torch.Generator:
 
 
 def _require_same(config: TrainConfig, told: dict[str, Any], path: Path) -> None:
-    wanted = json.loads(json.dumps(dataclasses.asdict(config)))
+    wanted, usual = (json.loads(json.dumps(dataclasses.asdict(one))) for one in (config, PpoConfig()))
     for name, value in wanted.items():
         was = told.get(name, [])  # runs of before `start_from` started from nothing
+        if name == "ppo" and isinstance(was, dict):
+            was = {**usual, **was}  # runs of before a setting did as it comes
         if isinstance(was, dict) and isinstance(value, dict):
             pairs = {f"{name}.{key}": (was.get(key), value.get(key)) for key in (*was, *value)}
         else:

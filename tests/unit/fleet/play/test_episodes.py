@@ -95,12 +95,11 @@ def test_a_value_is_refused_by_its_option(tmp_path: Path) -> None:
 
 def test_what_was_played_before_makes_way(tmp_path: Path) -> None:
     run = run_of("dispatch", site="cell", n_cars=2, **SHORT)
-    others = [tmp_path / "episodes.csv", tmp_path / "episode_0007.rrd"]
-    mine = tmp_path / "notes.txt"
-    for path in (*others, mine):
+    other, mine = tmp_path / "episode_0007.rrd", tmp_path / "episode_notes.rrd"
+    for path in (other, mine):
         path.write_text("of before")
     play_episodes(run, {"played": script_of(run)}, {}, [1], tmp_path, lambda done: None, record=False)
-    assert not any(path.exists() for path in others)
+    assert not other.exists()
     assert mine.exists()
 
 
@@ -110,3 +109,6 @@ def test_an_output_leaves_nothing_behind_until_it_is_written(tmp_path: Path) -> 
     (tmp_path / "file").write_text("")
     with pytest.raises(ConfigError, match=r"--out .*Not a directory; valid: a directory that can be written"):
         require_output(tmp_path / "file" / "out")
+    (tmp_path / "episode_0001.rrd").mkdir()
+    with pytest.raises(TrainingError, match=r"episode_0001.rrd is a directory; valid: a file, or nothing there"):
+        require_output(tmp_path)

@@ -61,6 +61,8 @@ def test_what_means_nothing_is_refused(written: Write, text: str, words: str) ->
         ("clone_own", 1.5),
         ("anchor", -1.0),
         ("clone_temperature", -1.0),
+        ("clone_temperature", 1e-40),
+        ("clone_temperature", float("nan")),
     ],
 )
 def test_values_outside_their_range_are_refused(name: str, value: object) -> None:
