@@ -22,8 +22,8 @@ class Policy(Protocol):
         """
 
 
-class Weighing(Policy, Protocol):
-    """Plays an environment, and says what it thinks of what it did not do."""
+class Weighing(Protocol):
+    """A policy that says what it thinks of what it did not do."""
 
     @property
     def worths(self) -> Mapping[str, npt.NDArray[np.float32]]:

@@ -179,7 +179,7 @@ def test_policies_say_what_each_action_of_an_agent_is_worth() -> None:
 
     batch = EnvBatch([Team(), Team()])
     batch.reset([0, 0])
-    found = batch.weigh([Weighs(0.0), Weighs(2.0)])  # type: ignore[list-item]
+    found = batch.weigh([Weighs(0.0), Weighs(2.0)])
     assert list(found) == ["arm"], "continuous actions have no worths"
     assert found["arm"].max(axis=1).tolist() == [0.0, 2.0]
 
