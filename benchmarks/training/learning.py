@@ -33,7 +33,7 @@ from fleet.charts.statistics import estimate
 from fleet.training.evaluation import RETURN
 from fleet.training.recipes import RECIPES
 from fleet.training.results import CONFIG, EPISODES, EVALUATION, PROGRESS, SCRIPTED, STEPS
-from fleet.training.settings import PpoConfig
+from fleet.training.settings import told_ppo
 
 N_AT_ONCE = 2
 N_QUICK_EPISODES, N_QUICK_STEPS = 2, 20_000
@@ -93,7 +93,7 @@ def _other_settings(out: Path, recipe: str) -> str:
     today = {"steps_n": found.n_steps, "arguments": found.arguments, "ppo": asdict(found.ppo)}
     today["stages"] = list(map(asdict, found.stages))
     was = json.loads((out / CONFIG).read_text(encoding="utf-8"))
-    was["ppo"] = {**json.loads(json.dumps(asdict(PpoConfig()))), **was["ppo"]}  # runs of before a setting
+    was["ppo"] = told_ppo(was.get("ppo", {}))
     return ", ".join(name for name, value in today.items() if was.get(name) != json.loads(json.dumps(value)))
 
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -141,6 +143,11 @@ class TrainConfig:
         require(self.seed >= 0, "--seed", self.seed, "an integer >= 0")
         require(self.steps_n >= 1, "--steps, steps_n", self.steps_n, "an integer >= 1")
         require(self.checkpoint_n >= 1, "checkpoint_n", self.checkpoint_n, "an integer >= 1")
+
+
+def told_ppo(ppo: Mapping[str, Any]) -> dict[str, Any]:
+    """Settings of PPO as JSON of a run tells them; those that it is older than are as they come."""
+    return {**json.loads(json.dumps(dataclasses.asdict(PpoConfig()))), **ppo}
 
 
 def read_settings(path: Path) -> dict[str, Any]:

@@ -80,8 +80,11 @@ class Collector:
         episodes: list[EpisodeFigures] = []
         for t in range(n_steps):
             acts: dict[str, Any] = {}
-            taught = batch.ask(teachers) if teachers and isinstance(batch, EnvBatch) else {}
-            worths = batch.weigh(teachers) if taught and self._weighs and isinstance(batch, EnvBatch) else {}
+            taught: dict[str, Any] = {}
+            worths: dict[str, Floats] = {}
+            if teachers and isinstance(batch, EnvBatch):
+                taught = batch.ask(teachers)
+                worths = batch.weigh(teachers) if self._weighs else {}
             for name, learner in self._learners.items():
                 view, one = batch.views[name], taken[name]
                 actions, log_shares = learner.choose(view, one.rows[t], generator)

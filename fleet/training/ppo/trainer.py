@@ -24,7 +24,7 @@ from fleet.training.ppo.learner import LOSSES, Learner
 from fleet.training.ppo.policy import LearnedPolicy, described, require_kinds, told_config, told_settings
 from fleet.training.recipes import RECIPES
 from fleet.training.results import CHECKPOINT
-from fleet.training.settings import PpoConfig, TrainConfig
+from fleet.training.settings import TrainConfig, told_ppo
 
 Row = dict[str, float]
 """Figures of one update, as they go into the table of progress."""
@@ -61,11 +61,10 @@ class Trainer:
         state = read_checkpoint(self._path) if resume and self._path.exists() else None
         if state is not None:
             _require_same(config, told_config(self._path, state), self._path)
-        ppo = config.ppo
-        if ppo.clone_n and self.recipe.teacher is None:
+        ppo, teacher = config.ppo, self.recipe.teacher
+        if ppo.clone_n and teacher is None:
             raise TrainingError(f"ppo.clone_n is {ppo.clone_n}, and {config.env} has no teacher; valid: 0")
-        weighs = self.recipe.teacher is not None and hasattr(self.recipe.teacher(), "worths")
-        if ppo.clone_n and ppo.clone_temperature and not weighs:
+        if ppo.clone_n and ppo.clone_temperature and not (teacher and hasattr(teacher(), "worths")):
             raise TrainingError(
                 f"ppo.clone_temperature is {ppo.clone_temperature}, and {config.env} has no teacher that says what "
                 f"each action is worth; valid: 0"
@@ -294,11 +293,11 @@ def _generator(seed: int, branch: int, update: int) -> torch.Generator:
 
 
 def _require_same(config: TrainConfig, told: dict[str, Any], path: Path) -> None:
-    wanted, usual = (json.loads(json.dumps(dataclasses.asdict(one))) for one in (config, PpoConfig()))
+    wanted = json.loads(json.dumps(dataclasses.asdict(config)))
     for name, value in wanted.items():
         was = told.get(name, [])  # runs of before `start_from` started from nothing
         if name == "ppo" and isinstance(was, dict):
-            was = {**usual, **was}  # runs of before a setting did as it comes
+            was = told_ppo(was)
         if isinstance(was, dict) and isinstance(value, dict):
             pairs = {f"{name}.{key}": (was.get(key), value.get(key)) for key in (*was, *value)}
         else:
