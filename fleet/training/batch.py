@@ -200,19 +200,21 @@ class EnvBatch:
                     found[name][rows[agent]] = told[agent]
         return found
 
-    def weigh(self, policies: Sequence[Weighing]) -> dict[str, Floats]:
+    def weigh(self, policies: Sequence[Weighing], taught: Mapping[str, npt.NDArray[Any]]) -> dict[str, Floats]:
         """What policies think of each action now, after they were asked.
 
         Args:
             policies: One per environment.
+            taught: What they said, as `ask` tells it.
 
         Returns:
-            Worths by type of discrete actions, shape (n_rows, n_actions); all zero where an agent has no choice.
+            Worths by type of discrete actions, shape (n_rows, n_actions); where a policy does not tell them, nothing
+            but what it said can be had (`worths_of_done`).
         """
         found: dict[str, Floats] = {}
         for kind in self.types:
             if isinstance(kind.action, Discrete):
-                found[kind.name] = np.zeros((self._n_rows[kind.name], int(kind.action.n)), dtype=np.float32)
+                found[kind.name] = worths_of_done(taught[kind.name], int(kind.action.n))
         for policy, team in zip(policies, self._rows, strict=True):
             for name in team.keys() & found.keys():
                 rows = team[name]
@@ -367,6 +369,19 @@ def masks_of(masks: npt.NDArray[np.int8] | Bools, kind: AgentType) -> Bools:
         return mask
     mask[mask[:, 1:].any(axis=1), 0] = False
     return mask
+
+
+def worths_of_done(done: npt.NDArray[Any], n_actions: int) -> Floats:
+    """What actions are worth to those who only say what they did: nothing else can be had; see `Weighing`.
+
+    Args:
+        done: Actions, shape (n,).
+        n_actions: That there are.
+
+    Returns:
+        Worths, shape (n, n_actions).
+    """
+    return np.where(np.arange(n_actions) == done[:, None], 0.0, -np.inf).astype(np.float32)
 
 
 def vector(observation: Any) -> Floats:

@@ -15,7 +15,7 @@ import numpy.typing as npt
 from gymnasium.spaces import Discrete
 
 from fleet.envs.policies.policy import Policy
-from fleet.training.batch import AgentType, agent_types, mask_of, type_of, vector
+from fleet.training.batch import AgentType, agent_types, mask_of, type_of, vector, worths_of_done
 from fleet.training.errors import TrainingError
 from fleet.whole_file import write_whole
 
@@ -35,7 +35,7 @@ class Demonstration:
     actions: npt.NDArray[Any]
     """As the environment takes them, shape (n,) or (n, n_entries)."""
     worths: npt.NDArray[np.float32] | None = None
-    """What each action was worth, shape (n, n_actions); None where nobody said so."""
+    """What each action was worth, -inf of what could not be had, shape (n, n_actions); None where nobody said so."""
 
     def require(self, kind: AgentType, path: Path) -> None:
         """Make sure that it is of these agents.
@@ -59,6 +59,14 @@ class Demonstration:
             if len(odd):
                 numbers = f"integers from 0 to {n_actions - 1}"
                 raise TrainingError(f"{path}: {kind.name}_actions has {odd[0]}; valid: {numbers}")
+        if self.worths is not None:
+            done = self.worths[np.arange(len(self.actions)), self.actions.astype(np.int64)]
+            if np.isneginf(done).any():
+                sample = int(np.flatnonzero(np.isneginf(done))[0])
+                raise TrainingError(
+                    f"{path}: {kind.name}_worths says of sample {sample} that what was done, "
+                    f"{self.actions[sample]}, could not be had (-inf); valid: a finite number"
+                )
 
 
 def write_demonstrations(path: Path, told: Mapping[str, Demonstration]) -> None:
@@ -97,7 +105,8 @@ def read_demonstrations(path: Path) -> dict[str, Demonstration]:
             raise TrainingError(
                 f"{path}: {name} is an array of {array.dtype}, {array.ndim} axes; valid: rows of numbers"
             )
-        if not (np.abs(array) <= np.finfo(np.float32).max).all():
+        finite = np.abs(array) <= np.finfo(np.float32).max
+        if not (finite | (np.isneginf(array) & name.endswith("_worths"))).all():
             raise TrainingError(f"{path}: {name} has numbers that are not finite in 32 bits; valid: finite ones")
     kinds = [name.rpartition("_")[0] for name in arrays if name.endswith("_rows")]
     if not kinds:
@@ -149,15 +158,27 @@ def demonstrate(path: Path, env: Any, policy: Policy, seeds: Sequence[int]) -> i
                     told[kind.name].append((vector(seen), mask, actions[agent], worths.get(agent)))
             observations, *_ = env.step(actions)
             observations = {agent: observations[agent] for agent in env.agents}  # without those that have left
-    found = {
-        name: Demonstration(
-            rows=np.stack([one[0] for one in samples]).astype(np.float32),
-            mask=np.stack([one[1] for one in samples]) if kinds[name].masked else None,
-            actions=np.stack([np.asarray(one[2]) for one in samples]),
-            worths=None if any(one[3] is None for one in samples) else np.stack([one[3] for one in samples]),
-        )
-        for name, samples in told.items()
-        if samples
-    }
+    found = {}
+    for name, samples in told.items():
+        if samples:
+            actions = np.stack([np.asarray(one[2]) for one in samples])
+            found[name] = Demonstration(
+                rows=np.stack([one[0] for one in samples]).astype(np.float32),
+                mask=np.stack([one[1] for one in samples]) if kinds[name].masked else None,
+                actions=actions,
+                worths=_worths([one[3] for one in samples], actions),
+            )
     write_demonstrations(path, found)
     return sum(len(one.actions) for one in found.values())
+
+
+def _worths(told: Sequence[Any], actions: npt.NDArray[Any]) -> npt.NDArray[np.float32] | None:
+    """What actions were worth, nothing but the one that was done where it was not told; None if it never was."""
+    n_actions = max((len(one) for one in told if one is not None), default=0)
+    if not n_actions:
+        return None
+    found = worths_of_done(actions, n_actions)
+    for sample, one in enumerate(told):
+        if one is not None:
+            found[sample] = one
+    return found

@@ -80,6 +80,9 @@ class Guess:
 class Knows:
     """Does what is right in `Guess`."""
 
+    def __init__(self, seed: int = 0) -> None:
+        self._rng = np.random.default_rng(seed)
+
     def act(self, env: Any, observations: dict[str, Any]) -> dict[str, Any]:
         del env
         actions: dict[str, Any] = {agent: seen for agent, seen in observations.items() if agent != "arm_0"}
@@ -89,13 +92,15 @@ class Knows:
 
 
 class Weighs(Knows):
-    """Says as well that a number is worth as much as it is large."""
+    """Says as well that a number is worth as much as it is large, give or take some; it draws by how much."""
 
-    def __init__(self) -> None:
+    def __init__(self, seed: int = 0) -> None:
+        super().__init__(seed)
         self.worths: dict[str, Any] = {}
 
     def act(self, env: Any, observations: dict[str, Any]) -> dict[str, Any]:
-        self.worths = {"arm_0": observations["arm_0"]["observation"]}
+        row = observations["arm_0"]["observation"]
+        self.worths = {"arm_0": row + self._rng.uniform(-0.1, 0.1, len(row)).astype(np.float32)}
         return super().act(env, observations)
 
 

@@ -84,7 +84,7 @@ class Collector:
             worths: dict[str, Floats] = {}
             if teachers and isinstance(batch, EnvBatch):
                 taught = batch.ask(teachers)
-                worths = batch.weigh(teachers) if self._weighs else {}
+                worths = batch.weigh(teachers, taught) if self._weighs else {}
             for name, learner in self._learners.items():
                 view, one = batch.views[name], taken[name]
                 actions, log_shares = learner.choose(view, one.rows[t], generator)

@@ -28,7 +28,7 @@ from fleet.training.settings import TrainConfig, told_ppo
 
 Row = dict[str, float]
 """Figures of one update, as they go into the table of progress."""
-_WEIGHTS, _CHANCE, _EPISODES, _DEMONSTRATIONS = 0, 1, 2, 4
+_WEIGHTS, _CHANCE, _EPISODES, _DEMONSTRATIONS, _TEACHERS = 0, 1, 2, 4, 5
 """Branches of the seed; 3 is that of the evaluation."""
 
 
@@ -36,7 +36,7 @@ class Trainer:
     """One training run.
 
     The whole run follows from its settings: after every checkpoint the environments begin new episodes with seeds of
-    that update, and every update has its own source of chance. So a run that is taken up from a checkpoint goes on to
+    that update, and their teachers anew, and every update has its own source of chance. So a run that is taken up from a checkpoint goes on to
     the last bit like one that was never stopped, on the same machine and versions. Stages change at checkpoints.
 
     After a checkpoint the first episode of each environment is cut off after a time of its own, so that from then on
@@ -64,7 +64,7 @@ class Trainer:
         ppo, teacher = config.ppo, self.recipe.teacher
         if ppo.clone_n and teacher is None:
             raise TrainingError(f"ppo.clone_n is {ppo.clone_n}, and {config.env} has no teacher; valid: 0")
-        if ppo.clone_n and ppo.clone_temperature and not (teacher and hasattr(teacher(), "worths")):
+        if ppo.clone_n and ppo.clone_temperature and not (teacher and hasattr(teacher(0), "worths")):
             raise TrainingError(
                 f"ppo.clone_temperature is {ppo.clone_temperature}, and {config.env} has no teacher that says what "
                 f"each action is worth; valid: 0"
@@ -148,16 +148,19 @@ class Trainer:
             self._batch = self._make_batch()
             weighs = ppo.clone_temperature > 0.0
             self._collector = Collector(self._batch, self.learners, ppo.discount, weighs=weighs)
-            made = isinstance(self._batch, EnvBatch) and self.recipe.teacher is not None and cloning
-            self._teachers = [self.recipe.teacher() for _ in range(ppo.envs_n)] if made and self.recipe.teacher else []
-        sequence = np.random.SeedSequence([self.config.seed, _EPISODES, self.n_done])
-        seeds = sequence.generate_state(ppo.envs_n)
+        self._teachers = []
+        if cloning and self.recipe.teacher is not None:
+            self._teachers = [self.recipe.teacher(seed) for seed in self._seeds(_TEACHERS)]
         cuts = None
         if self._recent:
             length = float(np.mean([one["length"] for one in self._recent]))
             cuts = [round(length * (k + 1) / ppo.envs_n) for k in range(ppo.envs_n - 1)] + [0]
-        # Seeds of numpy's legacy generators end at 2^31.
-        self._collector.begin([int(seed) for seed in seeds // 2], cuts)
+        self._collector.begin(self._seeds(_EPISODES), cuts)
+
+    def _seeds(self, branch: int) -> list[int]:
+        """One per environment, for what begins at this update; seeds of numpy's legacy generators end at 2^31."""
+        sequence = np.random.SeedSequence([self.config.seed, branch, self.n_done])
+        return [int(seed) for seed in sequence.generate_state(self.config.ppo.envs_n) // 2]
 
     def _make_batch(self) -> Batch:
         recipe, config = self.recipe, self.config

@@ -49,10 +49,10 @@ def _apparent_tardiness() -> Policy:
     return make_policy("dispatch", "apparent_tardiness")
 
 
-def _rollout() -> Policy:
+def _rollout(seed: int) -> Policy:
     from fleet.envs.policies.rollout import RolloutPolicy
 
-    return RolloutPolicy()
+    return RolloutPolicy(seed)
 
 
 def tardiness_min(env: Any) -> float:

@@ -32,9 +32,10 @@ def _pursuit() -> Policy:
     return PursuitPolicy()
 
 
-def _backing() -> Policy:
+def _backing(seed: int = 0) -> Policy:
     from fleet.envs.navigate.navigation_policy import BackingPolicy
 
+    del seed  # it leaves nothing to chance
     return BackingPolicy()
 
 

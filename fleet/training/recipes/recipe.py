@@ -18,6 +18,7 @@ if TYPE_CHECKING:  # the command line lists recipes, and the environments take a
     from fleet.training.batch import AgentType, Batch
 
     PolicyMaker = Callable[[], Policy]
+    TeacherMaker = Callable[[int], Policy]
     BatchMaker = Callable[..., Batch]
 
 Weights = TypeVar("Weights", bound="DataclassInstance")
@@ -118,8 +119,8 @@ class Recipe:
     batch: BatchMaker | None = None
     """Steps environments side by side faster than one after the other: takes the arguments of each of them, then
     `figures`, `layouts` and `n_state` as `EnvBatch` does; None: there is nothing faster."""
-    teacher: PolicyMaker | None = None
-    """Makes the policy that is cloned for the first `PpoConfig.clone_n` steps."""
+    teacher: TeacherMaker | None = None
+    """Makes the policy that is cloned for the first `PpoConfig.clone_n` steps, with a seed."""
 
     def environments(
         self, stage: TrainingStage, arguments: Mapping[str, Any], held: Sequence[str]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -34,6 +35,28 @@ def test_what_actions_are_worth_is_written_where_a_policy_says_so(tmp_path: Path
     assert told.worths is not None
     assert told.worths.shape == (len(told.actions), 9)
     assert (told.worths[np.arange(len(told.actions)), told.actions] >= 0.0).all()
+    env.close()
+
+
+def test_of_who_says_no_worths_only_what_it_did_can_be_had(tmp_path: Path) -> None:
+    env = dispatch_v0.parallel_env(site="small", n_cars=3, max_cycles=12)
+    nearest = make_policy("dispatch", "nearest")
+
+    class First:
+        """Weighs the actions of the first car only."""
+
+        worths = {"car_0": np.arange(9, dtype=np.float32)}  # noqa: RUF012
+
+        def act(self, env: object, observations: Any) -> Any:
+            return nearest.act(env, observations)
+
+    demonstrate(tmp_path / "first.npz", env, First(), (0,))
+    told = read_demonstrations(tmp_path / "first.npz")["car"]
+    assert told.worths is not None
+    weighed = np.isfinite(told.worths).all(axis=1)
+    assert 0 < weighed.sum() < len(weighed)
+    assert (told.worths[weighed] == np.arange(9)).all()
+    assert (np.isfinite(told.worths[~weighed]) == (np.arange(9) == told.actions[~weighed, None])).all()
     env.close()
 
 

@@ -9,13 +9,14 @@ from fleet.training.demonstrations import Demonstration, read_demonstrations, wr
 from fleet.training.errors import TrainingError
 
 ROWS = np.arange(6, dtype=np.float32).reshape(3, 2)
+WORTHS = np.array([[0.0, 1.0], [2.0, -np.inf], [4.0, -3.0]], dtype=np.float32)
 
 
 def test_what_was_written_is_read(tmp_path: Path) -> None:
     mask = np.array([[True, False]] * 3)
     told = {
         "car": Demonstration(rows=ROWS, mask=None, actions=ROWS[:, :1]),
-        "arm": Demonstration(rows=ROWS, mask=mask, actions=np.zeros(3, dtype=np.int64), worths=2.0 * ROWS),
+        "arm": Demonstration(rows=ROWS, mask=mask, actions=np.zeros(3, dtype=np.int64), worths=WORTHS),
     }
     write_demonstrations(tmp_path / "told.npz", told)
     found = read_demonstrations(tmp_path / "told.npz")
@@ -27,7 +28,7 @@ def test_what_was_written_is_read(tmp_path: Path) -> None:
     assert (found["arm"].mask == mask).all()
     assert found["car"].worths is None
     assert found["arm"].worths is not None
-    assert (found["arm"].worths == 2.0 * ROWS).all()
+    assert (found["arm"].worths == WORTHS).all()
 
 
 @pytest.mark.parametrize(
@@ -38,6 +39,8 @@ def test_what_was_written_is_read(tmp_path: Path) -> None:
         ({"car_rows": ROWS, "car_actions": ROWS, "car_mask": ROWS[:1]}, "car_mask has 1 rows of 3"),
         ({"car_rows": ROWS, "car_actions": ROWS, "car_worths": ROWS[:1]}, "car_worths has 1 rows of 3"),
         ({"car_rows": ROWS, "car_actions": ROWS, "car_worths": ROWS * np.nan}, "car_worths has numbers that are not"),
+        ({"car_rows": ROWS, "car_actions": ROWS, "car_worths": ROWS + np.inf}, "car_worths has numbers that are not"),
+        ({"car_rows": ROWS - np.inf, "car_actions": ROWS}, "car_rows has numbers that are not finite in 32 bits"),
         ({"car_rows": ROWS + np.inf, "car_actions": ROWS}, "car_rows has numbers that are not finite in 32 bits"),
         ({"car_rows": ROWS.astype(float) + 1e300, "car_actions": ROWS}, "car_rows has numbers that are not finite"),
         ({"numbers": ROWS}, "has no array of observations"),
