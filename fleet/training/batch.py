@@ -208,8 +208,8 @@ class EnvBatch:
             taught: What they said, as `ask` tells it.
 
         Returns:
-            Worths by type of discrete actions, shape (n_rows, n_actions); where a policy does not tell them, nothing
-            but what it said can be had (`worths_of_done`).
+            Worths by type of discrete actions, shape (n_rows, n_actions); where a policy does not tell them, those of
+            what it said (`worths_of_done`).
         """
         found: dict[str, Floats] = {}
         for kind in self.types:
@@ -372,7 +372,7 @@ def masks_of(masks: npt.NDArray[np.int8] | Bools, kind: AgentType) -> Bools:
 
 
 def worths_of_done(done: npt.NDArray[Any], n_actions: int) -> Floats:
-    """What actions are worth to those who only say what they did: nothing else can be had; see `Weighing`.
+    """What actions are worth to those who only say what they did: all others as little as can be; see `Weighing`.
 
     Args:
         done: Actions, shape (n,).
@@ -381,7 +381,7 @@ def worths_of_done(done: npt.NDArray[Any], n_actions: int) -> Floats:
     Returns:
         Worths, shape (n, n_actions).
     """
-    return np.where(np.arange(n_actions) == done[:, None], 0.0, -np.inf).astype(np.float32)
+    return np.where(np.arange(n_actions) == done[:, None], 0.0, np.finfo(np.float32).min).astype(np.float32)
 
 
 def vector(observation: Any) -> Floats:

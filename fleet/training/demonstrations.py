@@ -173,7 +173,7 @@ def demonstrate(path: Path, env: Any, policy: Policy, seeds: Sequence[int]) -> i
 
 
 def _worths(told: Sequence[Any], actions: npt.NDArray[Any]) -> npt.NDArray[np.float32] | None:
-    """What actions were worth, nothing but the one that was done where it was not told; None if it never was."""
+    """What actions were worth; where it was not told, all but the one that was done very little; None if it never was."""
     n_actions = max((len(one) for one in told if one is not None), default=0)
     if not n_actions:
         return None

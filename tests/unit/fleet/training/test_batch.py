@@ -179,9 +179,10 @@ def test_policies_say_what_each_action_of_an_agent_is_worth() -> None:
 
     batch = EnvBatch([Team(), Team()])
     batch.reset([0, 0])
+    least = np.finfo(np.float32).min
     found = batch.weigh([Weighs(0.0), Weighs(2.0)], {"car": np.zeros((4, 1)), "arm": np.array([1, 2])})
     assert list(found) == ["arm"], "continuous actions have no worths"
-    assert found["arm"].tolist() == [[-np.inf, 0.0, -np.inf], [0.0, 2.0, 0.0]]
+    assert found["arm"].tolist() == [[least, 0.0, least], [0.0, 2.0, 0.0]]
 
 
 def test_agents_of_a_type_that_are_not_alike_in_all_environments_are_refused() -> None:
