@@ -111,7 +111,7 @@ def orient_lanes(
     """
     grid = GridMap(plan.open)
     arm_side = {cell: sides[0] for cell, sides in arm_sides.items()}
-    drawn = _edges_of(plan, grid) if ways is None else _edges_along(ways, grid, two_way=False)
+    drawn = _edges_of(plan) if ways is None else _edges_along(ways, grid, two_way=False)
     edges = _two_edge_connected(_pruned_at_bays(drawn, plan, grid, arm_side), grid)
     if len(edges.tail) == 0:
         none = np.empty((0, 2), dtype=np.int32)
@@ -287,7 +287,7 @@ def _neighbour_pairs(present: BoolGrid) -> tuple[Ints, Ints, Bools]:
     return tail, head, np.arange(len(tail)) < len(west)
 
 
-def _edges_of(plan: FloorPlan, grid: GridMap) -> _Edges:
+def _edges_of(plan: FloorPlan) -> _Edges:
     """All edges of a plan with the directions its arrows give; edges with contradicting arrows are left out."""
     tail, head, horizontal = _neighbour_pairs(plan.open)
     arrows = plan.arrows.ravel()
@@ -473,7 +473,7 @@ def _repaired(edges: _Edges, n_cells: int) -> _Edges:
         reversals = _joining_reversals(small, sign, free, n)
         if len(reversals) == 0:
             break
-        needed = _minimal(reversals, small, start, end, n)
+        needed = _minimal(reversals, start, end, n)
         sign = sign.copy()
         sign[needed] *= -1
     return replace(edges, sign=sign)
@@ -499,7 +499,7 @@ def _joining_reversals(edges: _Edges, sign: npt.NDArray[np.int8], free: Bools, n
     return np.array(sorted(opened), dtype=np.int64)
 
 
-def _minimal(opened: Ints, edges: _Edges, start: Ints, end: Ints, n: int) -> Ints:
+def _minimal(opened: Ints, start: Ints, end: Ints, n: int) -> Ints:
     """Drop opened edges, in halving blocks, while the number of strongly connected parts stays the same."""
     target = _n_strong(*_with_opened(opened, start, end), n)
     kept = opened

@@ -42,7 +42,7 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
     return with_plain_bars(without_source_links(_MARK.sub(made, markdown), page.file.src_uri, REPOSITORY))
 
 
-def on_post_page(output: str, page: Page, config: MkDocsConfig) -> None:
+def on_post_page(output: str, page: Page, config: MkDocsConfig) -> None:  # noqa: ARG001 - as MkDocs calls it
     """See that a page loads nothing from elsewhere.
 
     Raises:

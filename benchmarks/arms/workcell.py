@@ -14,7 +14,6 @@ from planners.motion.collision.obstacles import Boxes
 TOOL = TOOLS["friction"]
 FLOOR_FRAME = 2
 """Links below this are bolted down and may touch the floor."""
-RACK_FRONT_M = 0.58
 RACK_SHELVES_M = (0.33, 0.71)
 """Tops of the shelves that are picked from."""
 TRAY_M = (0.05, -0.65, 0.196)

@@ -195,7 +195,7 @@ def _meets_head_on(simulation: Simulation, car: int) -> bool:
     return _may_meet(simulation, car) and moves and simulation.executor.dependencies.n_granted(car) == 0
 
 
-def _may_meet(simulation: Simulation, car: int) -> bool:
+def _may_meet(simulation: Simulation, car: int) -> bool:  # noqa: ARG001 - asked of one car, true of both
     apart_m = abs(float(np.subtract(*simulation.world.car_poses()[:, 0])))
     both = all(_phase(simulation, one) is CarPhase.TO_PLACE for one in (0, 1))
     return both and apart_m < MEETING_M

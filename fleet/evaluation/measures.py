@@ -19,8 +19,6 @@ class EpisodeTally:
 
     env: Any
     n_steps: int = 0
-    n_decisions: int = 0
-    """Actions of agents."""
     n_illegal: int = 0
     """Actions that the environment had to make legal."""
     total: dict[str, float] = field(default_factory=dict)
@@ -32,7 +30,6 @@ class EpisodeTally:
         """Take in what a step told."""
         self.n_steps += 1
         for told in infos.values():
-            self.n_decisions += 1
             for name, value in told.items():
                 if value:
                     self.total[name] = self.total.get(name, 0.0) + float(value)

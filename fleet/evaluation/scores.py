@@ -66,7 +66,7 @@ def play_split(
     """
     scenario = scenario_named(name)
     figures: dict[str, list[float]] = {measure: [] for measure in scenario.measures}
-    cpu_s, n_decisions, illegal = 0.0, 0, 0
+    cpu_s, n_steps, illegal = 0.0, 0, 0
     envs: dict[Case, Any] = {}
     try:
         for case in scenario.splits[split]:
@@ -77,7 +77,7 @@ def play_split(
             tally, spent_s = play_episode(env, player, FIRST_SEED + episode)
             for measure, how in scenario.measures.items():
                 figures[measure].append(round(how.of(tally), 6))
-            cpu_s, n_decisions, illegal = cpu_s + spent_s, n_decisions + tally.n_steps, illegal + tally.n_illegal
+            cpu_s, n_steps, illegal = cpu_s + spent_s, n_steps + tally.n_steps, illegal + tally.n_illegal
             on_episode()
     finally:
         for env in envs.values():
@@ -90,7 +90,7 @@ def play_split(
         definition=json.loads(json.dumps(scenario.definition(split))),
         figures=figures,
         illegal=illegal,
-        decision_ms=round(1000.0 * cpu_s / max(1, n_decisions), 4),
+        decision_ms=round(1000.0 * cpu_s / max(1, n_steps), 4),
         commit=commit(),
         versions=versions(),
     )

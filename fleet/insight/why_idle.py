@@ -51,13 +51,13 @@ class WhyIdle:
             rows[cars] = row
         if self._run.charging is not None:
             for car in filter(self._must_charge, cars.tolist()):
-                self._charger(rows[car], car)
+                self._charger(rows[car])
 
     def _must_charge(self, car: int) -> bool:
         charging = self._run.charging
         return charging is not None and not charging.spares(car)
 
-    def _charger(self, row: CauseRows, car: int) -> None:
+    def _charger(self, row: CauseRows) -> None:
         """All chargers are taken: the one is named whose car has the most charge."""
         run, batteries = self._run, self._run.batteries
         row[Column.CAUSE], row[Column.TASK] = Cause.CHARGER, NONE

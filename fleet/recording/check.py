@@ -25,7 +25,6 @@ class RecordingReport:
     entities: frozenset[str]
     """Paths with data, without rerun's own properties."""
     frames: int
-    first_sim_s: float
     last_sim_s: float
     """Simulated time of the last frame [s]; not a number without frames."""
     verified: bool
@@ -67,7 +66,6 @@ def verify_recording(path: Path) -> RecordingReport:
     return RecordingReport(
         entities=frozenset(path for path in entities if not path.startswith("/__")),
         frames=len(sim_s),
-        first_sim_s=float(sim_s[0]) if len(sim_s) else float("nan"),
         last_sim_s=float(sim_s[-1]) if len(sim_s) else float("nan"),
         verified=checked.returncode == 0,
         note=note,

@@ -72,8 +72,6 @@ class SeenBox:
     """Longer side, shorter side, and height over the support below the centre."""
     obstructed: bool
     """Whether something hides a part of the upper face, or the edge of the image cuts it off."""
-    n_pixels: int
-    """Pixels of the upper face."""
 
     @property
     def centre_m(self) -> FloatArray:
@@ -188,7 +186,6 @@ class _Scan:
             world_from_top=world_from_top,
             size_m=(length, width, max(0.0, float(world_from_top[2, 3]) - support_z_m)),
             obstructed=not whole or self._hidden_share(window, face, body) > HIDDEN_SHARE,
-            n_pixels=n_pixels,
         )
 
     def _window(self, label: int) -> tuple[slice, slice]:

@@ -29,8 +29,6 @@ class Grasp:
 
     tips: FloatArray
     """Poses of the tip that all mean this grasp, world frame, shape (k, 4, 4)."""
-    top_m: float
-    """Height of the thing's top above the tip."""
     below_m: float
     """Reach of the thing below the tip."""
     half_width_m: float
@@ -57,7 +55,7 @@ def cup_grasps(pose: FloatArray, corners: FloatArray) -> list[Grasp]:
     point = np.array([pose[0], pose[1], top + CUP_GAP_M])
     tips = np.stack([down(yaw, point) for yaw in np.linspace(-np.pi, np.pi, N_YAWS, endpoint=False)])
     reach = float(np.linalg.norm(corners[:, :2] - pose[:2], axis=1).max())
-    return [Grasp(tips=tips, top_m=-CUP_GAP_M, below_m=point[2] - bottom, half_width_m=reach)]
+    return [Grasp(tips=tips, below_m=point[2] - bottom, half_width_m=reach)]
 
 
 def finger_grasps(corners: FloatArray, others: list[FloatArray], opening_m: float, turn_rad: float) -> list[Grasp]:
@@ -94,7 +92,7 @@ def finger_grasps(corners: FloatArray, others: list[FloatArray], opening_m: floa
         # The tip's y in the world is (sin, -cos) of its yaw; fingers open either way round.
         tips = np.stack([down(yaw + np.pi / 2 + turn_rad + half, point) for half in (0.0, np.pi)])
         reach = float(np.linalg.norm(corners[:, :2] - xy, axis=1).max())
-        grasps.append(Grasp(tips=tips, top_m=top - tip_z, below_m=tip_z - bottom, half_width_m=reach))
+        grasps.append(Grasp(tips=tips, below_m=tip_z - bottom, half_width_m=reach))
     return grasps
 
 

@@ -210,11 +210,6 @@ class TaskBoard:
         return self._open == 0
 
     @property
-    def n_released(self) -> int:
-        """Number of tasks whose release time has come."""
-        return len(self.tasks) - len(self._unreleased)
-
-    @property
     def n_closed(self) -> int:
         """Number of tasks that nobody has to wait for any more: done, failed or cancelled."""
         return sum(len(self._by_state[state]) for state in _CLOSED)

@@ -19,7 +19,7 @@ from fleet.training.batch import AgentType, agent_types, mask_of, type_of, vecto
 from fleet.training.errors import TrainingError
 from fleet.whole_file import write_whole
 
-_NAMES = ("rows", "mask", "actions", "worths")
+_OTHERS = ("mask", "actions", "worths")
 _DAMAGED = (OSError, ValueError, TypeError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error)
 """What reading a damaged archive raises, one that is packed in another way, and an array alone."""
 
@@ -96,7 +96,7 @@ def read_demonstrations(path: Path) -> dict[str, Demonstration]:
     """
     try:
         with path.open("rb") as source, np.load(source, allow_pickle=False) as file:
-            known = [name for name in file.files if name.rpartition("_")[2] in _NAMES]
+            known = [name for name in file.files if name.rpartition("_")[2] in ("rows", *_OTHERS)]
             arrays = {name: file[name] for name in known}
     except _DAMAGED as error:
         raise TrainingError(f"{path}: cannot be read as demonstrations; valid: an .npz file of arrays") from error
@@ -113,13 +113,13 @@ def read_demonstrations(path: Path) -> dict[str, Demonstration]:
         raise TrainingError(f"{path}: has no array of observations; valid: arrays TYPE_rows, TYPE_actions, TYPE_mask")
     told = {}
     for kind in kinds:
-        rows, mask, actions, worths = (arrays.get(f"{kind}_{name}") for name in _NAMES)
-        assert rows is not None
+        rows = arrays[f"{kind}_rows"]
+        mask, actions, worths = (arrays.get(f"{kind}_{name}") for name in _OTHERS)
+        if actions is None:
+            raise TrainingError(f"{path}: {kind}_actions is missing; valid: an action for each row")
         for name, array in (("actions", actions), ("mask", mask), ("worths", worths)):
-            n = 0 if array is None else len(array)
-            if n != len(rows) and (array is not None or name == "actions"):
-                raise TrainingError(f"{path}: {kind}_{name} has {n} rows of {len(rows)}; valid: one for each")
-        assert actions is not None
+            if array is not None and len(array) != len(rows):
+                raise TrainingError(f"{path}: {kind}_{name} has {len(array)} rows of {len(rows)}; valid: one for each")
         told[kind] = Demonstration(
             rows=rows.astype(np.float32),
             mask=None if mask is None else mask == 1,
@@ -173,7 +173,7 @@ def demonstrate(path: Path, env: Any, policy: Policy, seeds: Sequence[int]) -> i
 
 
 def _worths(told: Sequence[Any], actions: npt.NDArray[Any]) -> npt.NDArray[np.float32] | None:
-    """What actions were worth; where it was not told, all but the one that was done very little; None if it never was."""
+    """What actions were worth; where nobody said so, all but the one that was done very little; None if nobody did."""
     n_actions = max((len(one) for one in told if one is not None), default=0)
     if not n_actions:
         return None

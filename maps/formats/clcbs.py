@@ -23,7 +23,7 @@ FloatArray = npt.NDArray[np.float64]
 
 OBSTACLE_RADIUS_M = 0.8
 """Of obstacles for which a file names none, as in CL-CBS's code."""
-EXTRA = "pip install '.[open_floor]'"
+EXTRA = "pip install '.[open-floor]'"
 _VALID = "an instance of CL-CBS with agents and map"
 _FURTHEST_M = 100_000.0
 

@@ -409,7 +409,7 @@ def test_a_user_who_may_not_write_there_is_told_so(repository: Path) -> None:
         ("torch", ["train", "--env", "dispatch", "--out", "new"], "pip install '.[train]'"),
         ("ray", ["study", "--robots", "1", "--seeds", "1", "--backend", "ray", "--out", "new"], "pip install '.[ray]'"),
         ("yaml", ["site", "export", "small", "new.yaml", "--format", "rmf"], "pip install '.[rmf]'"),
-        ("paho", ["serve", "--vda5050", "mqtt://127.0.0.1:1", "--out", "new"], "pip install 'fleet[vda5050]'"),
+        ("paho", ["serve", "--vda5050", "mqtt://127.0.0.1:1", "--out", "new"], "pip install '.[vda5050]'"),
     ],
 )
 def test_a_missing_extra_is_named_with_its_cure(

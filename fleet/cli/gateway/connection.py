@@ -62,7 +62,7 @@ class Connection:
         try:
             from fleet.gateway.mqtt import BrokerAddress
         except ImportError as error:
-            raise ConfigError("--vda5050 needs paho-mqtt; valid: pip install 'fleet[vda5050]'") from error
+            raise ConfigError("--vda5050 needs paho-mqtt; valid: pip install '.[vda5050]'") from error
         address = BrokerAddress(
             url=self.vda5050,
             user=self.user or "",

@@ -231,7 +231,7 @@ def turn(floor: Floor, fleet: FleetRow, first: Ints, now: int) -> None:  # pragm
 @inner
 def send(floor: Floor, fleet: FleetRow, first: Ints, now: int) -> None:  # pragma: no cover - compiled
     """Give every car its goal, and its rank in the right of way."""
-    kernel.direct(floor, fleet.cars, fleet.tasks, fleet.stations, fleet.spot_user, first, now)
+    kernel.direct(floor, fleet.cars, fleet.stations, fleet.spot_user, first, now)
     kernel.rank_cars(floor, fleet.cars, fleet.tasks, now, fleet.priority, fleet.locked)
 
 

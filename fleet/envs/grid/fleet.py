@@ -163,7 +163,7 @@ class GridFleet:
     def direct(self) -> None:
         """Give every car its goal, and its rank in the right of way."""
         floor, now = self.place.floor, self.now
-        kernel.direct(floor, self.cars, self.tasks, self.stations, self._spot_user, self._first, now)
+        kernel.direct(floor, self.cars, self.stations, self._spot_user, self._first, now)
         kernel.rank_cars(floor, self.cars, self.tasks, now, self.priority, self.locked)
 
     def planned(self, wished: npt.NDArray[np.int32] | None = None) -> npt.NDArray[np.int32]:

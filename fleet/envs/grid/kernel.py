@@ -361,14 +361,13 @@ def release(tasks: TaskTable, counts: Counts, now: int) -> None:  # pragma: no c
 
 @compiled
 def direct(
-    floor: Floor, cars: CarTable, tasks: TaskTable, stations: StationTable, spot_user: Ints, first: Ints, now: int
+    floor: Floor, cars: CarTable, stations: StationTable, spot_user: Ints, first: Ints, now: int
 ) -> None:  # pragma: no cover - compiled
     """Book places near stations, hold back cars without one, and give every car its goal.
 
     Args:
         floor: What never changes.
         cars: The cars.
-        tasks: The tasks.
         stations: The stations.
         spot_user: Car whose own each parking place is, or `NONE`, shape (p,).
         first: Working memory, shape (k,).

@@ -1,4 +1,4 @@
-"""ArmService: plays a planned transfer on one arm, tick by tick, and watches its grip."""
+"""ArmController: plays a planned transfer on one arm, tick by tick, and watches its grip."""
 
 from __future__ import annotations
 

@@ -36,8 +36,9 @@ class Trainer:
     """One training run.
 
     The whole run follows from its settings: after every checkpoint the environments begin new episodes with seeds of
-    that update, and their teachers anew, and every update has its own source of chance. So a run that is taken up from a checkpoint goes on to
-    the last bit like one that was never stopped, on the same machine and versions. Stages change at checkpoints.
+    that update, their teachers are made anew, and every update has its own source of chance. So a run that is taken up
+    from a checkpoint goes on to the last bit like one that was never stopped, on the same machine and versions. Stages
+    change at checkpoints.
 
     After a checkpoint the first episode of each environment is cut off after a time of its own, so that from then on
     episodes end all the time.

@@ -14,11 +14,11 @@ import numpy as np
 import numpy.typing as npt
 
 from maps.layouts.layout import LayoutError
+from maps.layouts.rmf.yaml_file import EXTRA
 from maps.reading.shown import shown
 
 Floats = npt.NDArray[np.float64]
 
-_EXTRA = "pip install '.[rmf]'"
 _EARTH = "EPSG:4326"
 _TILES = "EPSG:3857"
 _EQUATOR_M = 6378137.0 * math.pi
@@ -69,5 +69,5 @@ def _pyproj() -> Any:
         import pyproj
         import pyproj.exceptions
     except ImportError as error:
-        raise LayoutError(f"coordinates of the earth need pyproj, which is not installed; valid: {_EXTRA}") from error
+        raise LayoutError(f"coordinates of the earth need pyproj, which is not installed; valid: {EXTRA}") from error
     return pyproj

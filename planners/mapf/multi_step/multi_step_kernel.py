@@ -143,7 +143,7 @@ def lock(ops: Operations, choices: Choices, locked: BoolArray, state_cell: IntAr
 
 
 @kernel
-def go_on(ops: Operations, choices: Choices, state_cell: IntArray, after: IntArray) -> None:  # pragma: no cover
+def go_on(ops: Operations, choices: Choices, after: IntArray) -> None:  # pragma: no cover
     """Let a timestep pass: agents stand in `after`, and what was left of their operations goes on with a wait.
 
     What is left of operations free of conflicts is free of conflicts, and who waits where it ends has that cell alone.

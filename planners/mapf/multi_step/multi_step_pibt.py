@@ -391,7 +391,7 @@ class Mover:
             done += 1
         after = np.empty(n, dtype=np.int32)
         kernels.first_states(ops, choices, costs, wishes, after)
-        kernels.go_on(ops, choices, cell, after)
+        kernels.go_on(ops, choices, after)
         return after
 
     def window(

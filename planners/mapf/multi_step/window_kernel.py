@@ -66,4 +66,4 @@ def plan_steps(
         reconsider(ops, choices, search.patience)
         sweep(ops, choices, aims, turns.order, search.most_tries, state_cell, search.allow_rotation)
         first_states(ops, choices, costs, wishes, states[done + 1])
-        go_on(ops, choices, state_cell, states[done + 1])
+        go_on(ops, choices, states[done + 1])

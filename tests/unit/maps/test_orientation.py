@@ -154,7 +154,7 @@ def test_bridges_are_those_that_networkx_finds():
         plan = parse_plan(
             ["".join(".#"[not cell] for cell in line) for line in free] + ["P........", "D........"], where="x"
         )
-        edges = orientation._edges_of(plan, GridMap(plan.open))
+        edges = orientation._edges_of(plan)
         graph = nx.Graph(list(zip(edges.tail.tolist(), edges.head.tolist(), strict=True)))
         expected = {tuple(sorted(pair)) for pair in nx.bridges(graph)}
         bridges = orientation._bridges(edges, GridMap(plan.open))

@@ -1,4 +1,4 @@
-"""AgentDesk: hands transfers to agents and waits for what they make of them, instead of planning and playing them."""
+"""AgentArmManager: hands transfers to agents and waits for what they make of them; it plans and plays nothing."""
 
 from __future__ import annotations
 

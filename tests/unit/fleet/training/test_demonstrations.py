@@ -34,7 +34,8 @@ def test_what_was_written_is_read(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arrays", "words"),
     [
-        ({"car_rows": ROWS}, "car_actions has 0 rows of 3; valid: one for each"),
+        ({"car_rows": ROWS}, "car_actions is missing; valid: an action for each row"),
+        ({"car_rows": ROWS[:0]}, "car_actions is missing"),
         ({"car_rows": ROWS, "car_actions": ROWS[:2]}, "car_actions has 2 rows of 3"),
         ({"car_rows": ROWS, "car_actions": ROWS, "car_mask": ROWS[:1]}, "car_mask has 1 rows of 3"),
         ({"car_rows": ROWS, "car_actions": ROWS, "car_worths": ROWS[:1]}, "car_worths has 1 rows of 3"),
