@@ -38,7 +38,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from benchmarks.calibration import REFERENCE_S, calibrate
-from fleet.whole_file import takes_file, write_whole
+from fleet.whole_file import require_place, write_whole
 
 EXIT_OK = 0
 EXIT_WRONG_RESULT = 1
@@ -335,13 +335,10 @@ def plain_console() -> Console:
 
 def write_problem(path: Path) -> str | None:
     """Return why `path` cannot be written, or None; asked before minutes are spent on measuring."""
-    folder = path.parent
-    if path.is_dir():
-        return "is a folder; name a file"
-    if not folder.is_dir():
-        return f"the folder {folder} does not exist"
-    if not takes_file(path):
-        return "is not writable"
+    try:
+        require_place(path)
+    except OSError as error:
+        return error.strerror or str(error)
     return None
 
 

@@ -57,15 +57,6 @@ def draft_of(path: Path) -> Iterator[Path]:
             draft.unlink(missing_ok=True)
 
 
-def takes_file(path: Path) -> bool:
-    """Whether a file can be written at a path."""
-    try:
-        require_place(path)
-    except OSError:
-        return False
-    return True
-
-
 def require_place(path: Path) -> None:
     """See that a file can be written at a path before it has taken a long time to make; leaves nothing behind.
 

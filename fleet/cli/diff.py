@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import tyro
 from rich.table import Table
 
-from fleet.cli.run_output import plain_console, show_recording
+from fleet.cli.run_output import PLAIN_WIDTH, plain_console, show_recording
 from fleet.config import require
 from fleet.errors import ConfigError
 
@@ -52,7 +52,7 @@ class Diff:
             raise ConfigError(f"B is {str(self.b)!r}, the same run as A; valid: another run")
         a, b = load_run(self.a), load_run(self.b)
         found = difference(a, b)
-        console = plain_console(wide=True)
+        console = plain_console(columns=PLAIN_WIDTH)
         for name, run in (("A", a), ("B", b)):
             console.print(f"{name}: {run.directory}: {run.title}", soft_wrap=True)
         for line in sentences(found, a.trace.tick_s):

@@ -13,7 +13,7 @@ from rich.console import Console
 
 from fleet.cli.diff import DIFFERENT, SAME, figures_table, sentences
 from fleet.cli.recordings.run_recording import run_of
-from fleet.cli.run_output import INTERRUPTED, plain_console, run_table, show_recording
+from fleet.cli.run_output import INTERRUPTED, PLAIN_WIDTH, plain_console, run_table, show_recording
 from fleet.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -65,7 +65,7 @@ class Replay:
         with tempfile.TemporaryDirectory() as directory:
             session = SessionConfig(out=Path(directory), record=False, progress=_watched())
             repetition = repeat(recorded, session)
-        console = plain_console(wide=True)
+        console = plain_console(columns=PLAIN_WIDTH)
         if repetition.result.interrupted:
             console.print("interrupted: nothing can be said about the whole run")
             return INTERRUPTED
@@ -84,7 +84,7 @@ class Replay:
         from fleet.replay.what_if import NotTheSameRun, changed_config, run_what_if
 
         config = changed_config(recorded, at_s, settings=self.set, add=self.add_event, remove=self.remove_event)
-        console = plain_console(wide=True)
+        console = plain_console(columns=PLAIN_WIDTH)
         try:
             found = run_what_if(recorded, config, at_s, self.out, record=self.record, progress=_watched())
         except NotTheSameRun as fault:

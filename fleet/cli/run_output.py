@@ -83,13 +83,13 @@ ROWS = (
 """Figures of a run, and how they are told."""
 
 
-def plain_console(*, wide: bool = False) -> Console:
+def plain_console(*, columns: int | None = None) -> Console:
     """A console that prints what it is given as it is.
 
     Args:
-        wide: Whether tables that go to a file or a pipe may have `PLAIN_WIDTH` columns.
+        columns: Of tables that go to a file or a pipe, such as `PLAIN_WIDTH`; None = as rich has it.
     """
-    width = PLAIN_WIDTH if wide and not sys.stdout.isatty() else None
+    width = None if sys.stdout.isatty() else columns
     return Console(file=sys.stdout, markup=False, emoji=False, highlight=False, width=width)
 
 

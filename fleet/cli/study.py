@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, redirect_stdout
 from dataclasses import dataclass
@@ -15,6 +14,7 @@ from rich.console import Console
 from rich.table import Table
 
 from fleet.cli.arguments import require_solver
+from fleet.cli.run_output import PLAIN_WIDTH, plain_console
 from fleet.config import Fidelity, StreamConfig, StreamKind, require
 from fleet.config.member_settings import file_settings, member_settings
 from fleet.outputs import require_folder
@@ -29,8 +29,6 @@ if TYPE_CHECKING:
     from fleet.study.study import Outcome
 
 COMPLETE, INTERRUPTED = 0, 130
-PLAIN_WIDTH = 120
-"""Columns of a table that goes to a file or a pipe."""
 
 DECIDING = (
     "allocators",
@@ -151,8 +149,7 @@ class Study:
                 progress=progress,
                 backend=backend,
             )
-        width = None if sys.stdout.isatty() else PLAIN_WIDTH
-        console = Console(file=sys.stdout, markup=False, emoji=False, highlight=False, width=width)
+        console = plain_console(columns=PLAIN_WIDTH)
         if outcome.rows:
             self._show(console, outcome)
         if outcome.n_open:

@@ -13,7 +13,7 @@ from fleet.evaluation.errors import EvaluationError
 from fleet.evaluation.players import Player
 from fleet.evaluation.scenarios import scenario_named
 from fleet.evaluation.scores import SplitScores
-from fleet.whole_file import takes_file, write_whole
+from fleet.whole_file import write_whole
 from maps.reading.text_file import FileError, read_json
 
 FORMAT = 1
@@ -61,16 +61,6 @@ class ResultsFile:
         if self._path is not None:
             played, found = _lines(self.scores), _lines(findings(self.scores))
             write_result(self._path, f'{{"format": {FORMAT},\n"scores": [\n{played}\n],\n"findings": [\n{found}\n]}}\n')
-
-
-def require_writable(path: Path) -> None:
-    """Refuse a file that cannot be written, before minutes are spent.
-
-    Raises:
-        EvaluationError: It is a folder, or its folder is not there or may not be written to.
-    """
-    if not takes_file(path):
-        raise EvaluationError(f"{path} cannot be written; valid: a file in a folder that is there and can be written")
 
 
 def write_result(path: Path, text: str) -> None:

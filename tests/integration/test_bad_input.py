@@ -359,7 +359,8 @@ def test_places_that_take_no_files_are_one_line(out: str, capsys: pytest.Capture
     said = complaint(["demo", "--fidelity", "grid", "--robots", "1", "--no-record", "--out", out], capsys)
     assert "(--out)" in said or f"--out {out}: " in said
     assert "valid: " in said
-    assert "SVG is '/proc/x.svg'; valid: a file in a folder that" in complaint(["film", "run", "/proc/x.svg"], capsys)
+    said = complaint(["film", "run", "/proc/x.svg"], capsys)
+    assert "SVG /proc/x.svg: No such file or directory; valid: a file that can be written" in said
     assert Path("/dev/null").is_char_device()
 
 
@@ -397,8 +398,8 @@ def test_a_user_who_may_not_write_there_is_told_so(repository: Path) -> None:
         )
         assert done.stdout.splitlines()[-3:] == ["2"] * 3, done.stderr
         png, svg, lif = done.stderr.splitlines()[-3:]
-        assert "PNG is 'x.png'; valid: a file in a folder that is there and can be written" in png
-        assert "SVG is 'x.svg'; valid: a file in a folder that is there and can be written" in svg
+        assert "PNG x.png: Permission denied; valid: a file that can be written" in png
+        assert "SVG x.svg: Permission denied; valid: a file that can be written" in svg
         assert "x.lif.json: Permission denied; valid: a path that you may read or write" in lif
         assert [path.name for path in Path(folder).iterdir()] == ["recording.rrd"]
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +11,9 @@ from typing import TYPE_CHECKING, NamedTuple
 from rich.console import Console
 from rich.table import Table
 
+from fleet.cli.run_output import plain_console
 from fleet.config import require
+from fleet.outputs import require_file
 from fleet.terminal.progress_bar import Bar
 
 if TYPE_CHECKING:
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
 DONE = 0
 EPISODES = 50
 """Of each split, as published."""
-PLAIN_WIDTH = 160
+COLUMNS = 160
 """Columns of a table that goes to a file or a pipe."""
 
 
@@ -49,7 +50,7 @@ class Evaluate:
         """Play, compare and print; returns the exit status."""
         # The environments take a second to load: only for runs, not for --help.
         from fleet.evaluation.baselines import page
-        from fleet.evaluation.results import ResultsFile, require_writable, write_result
+        from fleet.evaluation.results import ResultsFile, write_result
         from fleet.evaluation.scenarios import SCENARIOS, require_episodes
 
         require_episodes(self.episodes)
@@ -58,10 +59,10 @@ class Evaluate:
             require(self.split == "all", "--split", self.split, "one with --scenario")
             require(self.json is None, "--json", str(self.json), "one with --scenario, or with --table")
             require(self.episodes == EPISODES, "--episodes", self.episodes, "a number of them with --scenario")
-            _console().print(_list())
+            plain_console(columns=COLUMNS).print(_list())
             return DONE
-        for file in filter(None, (self.json, self.table)):
-            require_writable(file)
+        require_file("--json", self.json)
+        require_file("--table", self.table)
         path = self.json if self.table is None else self.json or self.table.with_suffix(".json")
         if path is not None and self.table is not None:
             is_other = path.resolve() != self.table.resolve()
@@ -70,7 +71,7 @@ class Evaluate:
         names = SCENARIOS if self.scenario is None else [self.scenario]
         turns = [turn for name in names for turn in self._turns(name)]
         self._play(results, turns)
-        console = _console()
+        console = plain_console(columns=COLUMNS)
         if self.table is None:
             _show(console, results, turns)
         else:
@@ -157,8 +158,3 @@ def _list() -> Table:
     for name, one in SCENARIOS.items():
         table.add_row(name, one.env, one.headline, one.reference, one.summary)
     return table
-
-
-def _console() -> Console:
-    width = None if sys.stdout.isatty() else PLAIN_WIDTH
-    return Console(file=sys.stdout, markup=False, emoji=False, highlight=False, width=width)

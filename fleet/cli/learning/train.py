@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import importlib.util
 import math
-import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +14,7 @@ import tyro
 from rich.console import Console
 from rich.table import Table
 
+from fleet.cli.run_output import PLAIN_WIDTH, plain_console
 from fleet.config import require
 from fleet.terminal.interrupts import interrupts
 from fleet.terminal.progress_bar import Bar
@@ -29,8 +29,6 @@ if TYPE_CHECKING:
 
 DONE, INTERRUPTED = 0, 130
 EXTRA = "pip install '.[train]'"
-PLAIN_WIDTH = 120
-"""Columns of a table that goes to a file or a pipe."""
 _EVALUATION = 3
 """Branch of the seed from which the episodes of the evaluation come."""
 
@@ -130,7 +128,7 @@ class Train:
                 complete = trainer.run(progress, interrupted)
         finally:
             trainer.close()
-        console = _console()
+        console = plain_console(columns=PLAIN_WIDTH)
         if not complete:
             since = (
                 "goes on from the last checkpoint"
@@ -187,11 +185,6 @@ def _tensorboard(folder: Path, before: list[dict[str, float]]) -> Any:
                 writer.add_scalar(name, value, int(row["steps"]))
 
     return write
-
-
-def _console() -> Console:
-    width = None if sys.stdout.isatty() else PLAIN_WIDTH
-    return Console(file=sys.stdout, markup=False, emoji=False, highlight=False, width=width)
 
 
 def _table(config: TrainConfig, recipe: Recipe, found: Mapping[str, Any]) -> Table:

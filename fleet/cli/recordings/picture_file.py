@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from fleet.config import require
-from fleet.whole_file import takes_file
+from fleet.outputs import require_file
 
 
 def require_writable(name: str, path: Path, suffix: str) -> None:
@@ -20,4 +20,4 @@ def require_writable(name: str, path: Path, suffix: str) -> None:
         ConfigError: Its name ends otherwise, its folder is not there or cannot be written, or it is a folder itself.
     """
     require(path.suffix.lower() == suffix, name, str(path), f"a file whose name ends in {suffix}")
-    require(takes_file(path), name, str(path), "a file in a folder that is there and can be written")
+    require_file(name, path)

@@ -10,7 +10,7 @@ from typing import Annotated
 import tyro
 from rich.table import Table
 
-from fleet.cli.run_output import plain_console
+from fleet.cli.run_output import PLAIN_WIDTH, plain_console
 from fleet.config import require
 from fleet.errors import ConfigError
 from fleet.outputs import require_folder
@@ -47,7 +47,7 @@ class RobotFit:
         require_folder("--out", self.out)
         from fleet.proving.fit import fit_response
 
-        console = plain_console(wide=True)
+        console = plain_console(columns=PLAIN_WIDTH)
         with console.status("driving in physics"):
             fit = fit_response(spec, seed=self.seed, load_kg=self.load)
         table = Table(title=f"how the {self.name} answers a speed and a yaw rate")

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from rich.table import Table
 
-from fleet.cli.run_output import plain_console
+from fleet.cli.run_output import PLAIN_WIDTH, plain_console
 
 DONE = 0
 
@@ -29,7 +29,7 @@ class RobotList:
             table.add_row(
                 sheet.name, sheet.kind, sheet.drive, sheet.footprint, f"{sheet.mass_kg:.1f}", payload, sheet.limits
             )
-        console = plain_console(wide=True)
+        console = plain_console(columns=PLAIN_WIDTH)
         console.print(table)
         console.print("`robots show NAME` has all figures with their sources, a picture, and what the robot does alone")
         return DONE

@@ -9,7 +9,7 @@ from typing import Annotated
 import tyro
 from rich.table import Table
 
-from fleet.cli.run_output import plain_console
+from fleet.cli.run_output import PLAIN_WIDTH, plain_console
 from fleet.config import require
 
 DONE, FAILED = 0, 1
@@ -47,7 +47,7 @@ class RobotShow:
         most = sheet.payload_kg if sheet.kind == "vehicle" and sheet.payload_kg else 0.0
         require(0.0 <= self.load <= most, "--load", self.load, f"a number from 0 to {most:g} with {sheet.name}")
         require(0.0 <= self.push <= MOST_PUSH_MPS, "--push", self.push, f"a number from 0 to {MOST_PUSH_MPS:g}")
-        console = plain_console(wide=True)
+        console = plain_console(columns=PLAIN_WIDTH)
         about = Table(title=f"{sheet.name}: {sheet.kind}, {sheet.drive}")
         for heading in ("figure", "value", "source"):
             about.add_column(heading, no_wrap=heading != "source", overflow="fold")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from rich.table import Table
 
-from fleet.cli.run_output import INTERRUPTED, plain_console
+from fleet.cli.run_output import INTERRUPTED, PLAIN_WIDTH, plain_console
 from fleet.cli.scale.fidelities import EVERY, parse_fidelities
 from fleet.config import require
 from fleet.outputs import require_folder
@@ -62,7 +62,7 @@ class CapacityCommand:
             cells = measure_capacity(robots, fidelities, self.minutes, interrupted=interrupted, progress=progress)
         plots = capacity_plots(cells)
         write_capacity(self.out, cells, plots, self.minutes)
-        console = plain_console(wide=True)
+        console = plain_console(columns=PLAIN_WIDTH)
         console.print(_table(cells))
         if any(cell.extrapolated for cell in cells):
             console.print(

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from rich.table import Table
 
-from fleet.cli.run_output import plain_console
+from fleet.cli.run_output import PLAIN_WIDTH, plain_console
 from fleet.config import require
 from fleet.outputs import require_file_below
 from fleet.whole_file import write_whole
@@ -54,7 +54,7 @@ class FitCommand:
         from fleet.recording.run_file import plain
         from fleet.scale.fit import fit_cars
 
-        console = plain_console(wide=True)
+        console = plain_console(columns=PLAIN_WIDTH)
         with console.status("driving in physics"):
             outcome = fit_cars(self.site, self.robots, self.seed, self.duration)
         name = Path(self.site).stem

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 from rich.table import Table
 
-from fleet.cli.run_output import INTERRUPTED, plain_console
+from fleet.cli.run_output import INTERRUPTED, PLAIN_WIDTH, plain_console
 from fleet.cli.scale.fidelities import EVERY, parse_fidelities
 from fleet.config import StreamConfig, require
 from fleet.outputs import require_folder
@@ -81,7 +81,7 @@ class GapCommand:
 
             jobs = self.jobs or len(os.sched_getaffinity(0))
             rows = run_gap(design, jobs=jobs, interrupted=interrupted, progress=progress)
-        console = plain_console(wide=True)
+        console = plain_console(columns=PLAIN_WIDTH)
         gaps = find_gaps(rows, design.reference, design.others)
         if rows:
             seeds = f"{self.seeds} seed{'s' if self.seeds > 1 else ''} of {self.duration:g} s"

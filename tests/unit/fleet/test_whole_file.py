@@ -1,13 +1,14 @@
 """Files that are whole or not there."""
 
 import os
+import re
 import stat
 from contextlib import suppress
 from pathlib import Path
 
 import pytest
 
-from fleet.whole_file import draft_of, require_place, takes_file, whole_folder, write_whole
+from fleet.whole_file import draft_of, require_place, whole_folder, write_whole
 
 
 def test_a_file_is_replaced_and_nothing_else_is_left(tmp_path: Path) -> None:
@@ -75,11 +76,11 @@ def test_a_draft_takes_the_place_of_a_file_or_leaves_nothing(tmp_path: Path) -> 
 
 
 def test_where_files_can_be_written_is_tried(tmp_path: Path) -> None:
-    assert takes_file(tmp_path / "new")
-    assert takes_file(Path("/dev/null"))
-    assert not takes_file(tmp_path)
-    assert not takes_file(tmp_path / "nowhere" / "new")
-    assert not takes_file(Path("/proc/new"))
+    require_place(tmp_path / "new")
+    require_place(Path("/dev/null"))
+    for path in (tmp_path, tmp_path / "nowhere" / "new", Path("/proc/new")):
+        with pytest.raises(OSError, match=re.escape(str(path))):
+            require_place(path)
     assert not list(tmp_path.iterdir())
 
 
