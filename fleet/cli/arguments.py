@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import importlib.util
+import math
 from collections import deque
 from collections.abc import Sequence
 from pathlib import Path
@@ -16,7 +17,7 @@ from typing import Annotated, Any, Literal, NoReturn, get_args, get_origin, get_
 
 import tyro
 
-from fleet.config import require
+from fleet.config import StreamConfig, StreamKind, require
 from fleet.errors import ConfigError
 from maps.reading.near import hint
 
@@ -130,6 +131,46 @@ def require_solver(option: str, allocator: str) -> None:
     package, name, cure = SOLVERS.get(allocator, ("", "", ""))
     if package and importlib.util.find_spec(package) is None:
         raise ConfigError(f"{option} {allocator} needs {name}, which is not installed; valid: {cure}")
+
+
+def require_with(option: str, given: bool, fits: bool, valid: str) -> None:
+    """Refuse an option beside which there is something else than it needs.
+
+    Args:
+        option: What the user calls it.
+        given: Whether it was given.
+        fits: Whether it has what it needs.
+        valid: What that is, in words.
+
+    Raises:
+        ConfigError: It was given and does not fit.
+    """
+    if given and not fits:
+        raise ConfigError(f"{option} does not go with the other options; valid: {option} {valid}")
+
+
+def require_live(speed: float, port: int) -> None:
+    """Refuse a pace or a port at which nobody can look on.
+
+    Raises:
+        ConfigError: One of them is out of its range.
+    """
+    require(math.isfinite(speed) and speed >= 0, "--speed", speed, "a number >= 0")
+    require(0 < port < 1 << 16, "--port", port, f"an integer from 1 to {(1 << 16) - 1}")
+
+
+def stream_of(kind: str | None, rate_per_h: float | None) -> StreamConfig | None:
+    """The stream of orders that `--stream` and `--rate` ask for; None without one.
+
+    Raises:
+        ConfigError: There is no such stream, the rate is out of its range, or it has no stream.
+    """
+    require(kind in (None, *StreamKind), "--stream", kind, ", ".join(StreamKind))
+    require_with("--rate", rate_per_h is not None, kind is not None, "with --stream")
+    if kind is None:
+        return None
+    usual = StreamConfig(kind=StreamKind(kind))
+    return usual if rate_per_h is None else dataclasses.replace(usual, rate_per_h=rate_per_h)
 
 
 def explain(command: type[Any], prog: str) -> NoReturn:

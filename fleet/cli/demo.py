@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import contextlib
-import math
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
 import tyro
 
-from fleet.cli.arguments import require_solver
+from fleet.cli.arguments import require_live, require_solver, require_with, stream_of
 from fleet.cli.run_output import exit_status, plain_console, show_run
 from fleet.config import (
     AllocationConfig,
@@ -22,14 +21,10 @@ from fleet.config import (
     Perception,
     PhysicsConfig,
     RunConfig,
-    StreamConfig,
-    StreamKind,
     TrafficConfig,
-    require,
 )
 from fleet.config.member_settings import member_settings
 from fleet.config.scenario_file import read_events
-from fleet.errors import ConfigError
 from planners.allocation import ALLOCATORS
 from planners.mapf import DEFAULT_PLANNER, PLANNERS
 
@@ -140,7 +135,7 @@ class Demo:
             cars=car_configs(models, robots, self.settings),
             tasks=self.tasks,
             orders=self.orders,
-            stream=self._stream(),
+            stream=stream_of(self.stream, self.rate),
             events=read_events(self.events) if self.events else (),
             chaos_per_h=self.chaos,
             seed=self.seed,
@@ -189,9 +184,7 @@ class Demo:
 
     def _check(self) -> None:
         """Refuse what only the command line can get wrong; the rest is checked by `RunConfig`."""
-        require(math.isfinite(self.speed) and self.speed >= 0, "--speed", self.speed, "a number >= 0")
-        require(0 < self.port < 1 << 16, "--port", self.port, f"an integer from 1 to {(1 << 16) - 1}")
-        require(self.stream in (None, *StreamKind), "--stream", self.stream, ", ".join(StreamKind))
+        require_live(self.speed, self.port)
         for option, given, fits, valid in (
             ("--gui", self.gui, self.fidelity is Fidelity.PHYSICS, "with --fidelity physics"),
             ("--serve", self.serve, not self.no_record, "without --no-record"),
@@ -203,13 +196,5 @@ class Demo:
             ("--tasks", self.tasks is not None, self.orders is None, "without --orders"),
             ("--stream", self.stream is not None, self.orders is None, "without --orders"),
             ("--robots", self.robots is not None, self.cars is None, "without --cars"),
-            ("--rate", self.rate is not None, self.stream is not None, "with --stream"),
         ):
-            if given and not fits:
-                raise ConfigError(f"{option} does not go with the other options; valid: {option} {valid}")
-
-    def _stream(self) -> StreamConfig | None:
-        if self.stream is None:
-            return None
-        usual = StreamConfig(kind=StreamKind(self.stream))
-        return usual if self.rate is None else replace(usual, rate_per_h=self.rate)
+            require_with(option, given, fits, valid)

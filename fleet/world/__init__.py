@@ -42,3 +42,12 @@ def make_world(scene: Scene, graph: LaneGraph, config: RunConfig) -> World:
     if config.fidelity is Fidelity.KINEMATIC:
         return KinematicWorld(scene)
     return GridWorld(scene, graph)
+
+
+def plain_world(scene: Scene, *, physics: bool) -> World:
+    """A world of cars alone, with or without physics, as both come."""
+    if not physics:
+        return KinematicWorld(scene)
+    from fleet.world.bullet.world import BulletWorld
+
+    return BulletWorld(scene)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import sys
 from dataclasses import dataclass
@@ -22,8 +23,6 @@ from fleet.whole_file import write_whole
 if TYPE_CHECKING:
     from fleet.free_lanes.run import LayoutResult
     from fleet.session.car_watch import CarWatch
-    from fleet.world.protocol import World
-    from fleet.world.scene import Scene
 
 DONE, NOT_DONE = 0, 1
 
@@ -66,8 +65,10 @@ class LayoutDrive:
         lanes = read_lanes(self.file, self.format, self.level)
         from fleet.free_lanes.run import LayoutRun
         from fleet.recording.run_file import plain
+        from fleet.world import plain_world
 
-        run = LayoutRun(lanes, self.cars, self._world, seed=self.seed)
+        make_world = functools.partial(plain_world, physics=self.fidelity == "physics")
+        run = LayoutRun(lanes, self.cars, make_world, seed=self.seed)
         watch: CarWatch | None = None
         try:
             if self.record is not None:
@@ -93,16 +94,6 @@ class LayoutDrive:
         if self.json is not None:
             write_whole(self.json, json.dumps(plain(result), indent=2) + "\n")
         return DONE if result.trips >= self.trips and not result.contacts else NOT_DONE
-
-    def _world(self, scene: Scene) -> World:
-        if self.fidelity == "kinematic":
-            from fleet.world.kinematic import KinematicWorld
-
-            return KinematicWorld(scene)
-        # The engine takes a moment to load and is needed by this world alone.
-        from fleet.world.bullet.world import BulletWorld
-
-        return BulletWorld(scene)
 
 
 def _figures(result: LayoutResult) -> dict[str, str]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -12,8 +11,9 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 from rich.table import Table
 
+from fleet.cli.arguments import require_live, require_with, stream_of
 from fleet.cli.run_output import ALL_DONE, INTERRUPTED, exit_status, plain_console, run_table, show_recording
-from fleet.config import Connect, Fidelity, RunConfig, StreamConfig, StreamKind, require
+from fleet.config import Connect, Fidelity, RunConfig, require
 from fleet.errors import ConfigError
 from fleet.terminal.interrupts import interrupts
 from fleet.terminal.progress_bar import Bar
@@ -107,13 +107,12 @@ class Play:
         """A run of the fleet."""
         self._refuse(("episodes",), "is for an environment that is played, and this is a run of a fleet")
         is_physics = self.fidelity in (None, Fidelity.PHYSICS)
-        self._require_with("--gui", self.gui, is_physics, "--fidelity physics")
-        self._require_with("--serve", self.serve, self.record, "--record")
-        self._require_with("--port", self.port != type(self).port, self.serve, "--serve")
-        self._require_with("--rate", self.rate is not None, self.stream is not None, "--stream")
-        self._require_with("--view", self.view, self.record, "--record")
+        require_with("--gui", self.gui, is_physics, "with --fidelity physics")
+        require_with("--serve", self.serve, self.record, "with --record")
+        require_with("--port", self.port != type(self).port, self.serve, "with --serve")
+        require_with("--view", self.view, self.record, "with --record")
         has_stops = self.fidelity is not Fidelity.GRID
-        self._require_with("--docking", "docking" in told, has_stops, "--fidelity kinematic, mixed or physics")
+        require_with("--docking", "docking" in told, has_stops, "with --fidelity kinematic, mixed or physics")
         from fleet.play.decisions import write_decisions
         from fleet.play.policies import played_policy
         from fleet.play.simulation import PlayedSimulation
@@ -147,7 +146,7 @@ class Play:
         self._refuse(OF_A_FLEET, f"is for a fleet, and {run.environment} is none")
         if self.record and RERUN not in run.render_modes:
             raise ConfigError(f"{run.environment} has no recordings; valid: without --record")
-        self._require_with("--view", self.view, self.record, "--record")
+        require_with("--view", self.view, self.record, "with --record")
         asked = {"--site": self.site, "--robots": self.robots}
         asked["--fidelity"] = None if self.fidelity is None else str(self.fidelity)
         changes = {option: value for option, value in asked.items() if value is not None}
@@ -193,12 +192,6 @@ class Play:
             return INTERRUPTED
         return ALL_DONE
 
-    @staticmethod
-    def _require_with(option: str, given: bool, fits: bool, other: str) -> None:
-        """Refuse an option that needs another one."""
-        if given and not fits:
-            raise ConfigError(f"{option} does not go with the other options; valid: {option} with {other}")
-
     def _refuse(self, options: Sequence[str], why: str) -> None:
         """Refuse options that are not as they come.
 
@@ -214,22 +207,16 @@ class Play:
         """Refuse what only the command line can get wrong; the rest is checked by `RunConfig`."""
         from fleet.evaluation.scenarios import require_episodes
 
-        require(math.isfinite(self.speed) and self.speed >= 0, "--speed", self.speed, "a number >= 0")
-        require(0 < self.port < 1 << 16, "--port", self.port, f"an integer from 1 to {(1 << 16) - 1}")
-        require(self.stream in (None, *StreamKind), "--stream", self.stream, ", ".join(StreamKind))
+        require_live(self.speed, self.port)
         require_episodes(self.episodes)
         require(self.seed >= 0, "--seed", self.seed, "an integer >= 0")
 
     def _run_config(self) -> RunConfig:
-        stream = None
-        if self.stream is not None:
-            stream = StreamConfig(kind=StreamKind(self.stream))
-            stream = stream if self.rate is None else replace(stream, rate_per_h=self.rate)
         return RunConfig(
             site=USUAL_SITE if self.site is None else self.site,
             robots=USUAL_ROBOTS if self.robots is None else self.robots,
             tasks=self.tasks,
-            stream=stream,
+            stream=stream_of(self.stream, self.rate),
             seed=self.seed,
             duration_s=self.duration,
             fidelity=Fidelity.PHYSICS if self.fidelity is None else self.fidelity,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import time
 from dataclasses import dataclass
@@ -17,8 +18,6 @@ from fleet.whole_file import write_whole
 
 if TYPE_CHECKING:
     from fleet.session.car_watch import CarWatch
-    from fleet.world.protocol import World
-    from fleet.world.scene import Scene
     from fleet.yard.run import YardResult
 
 DONE, TOUCHED = 0, 1
@@ -50,12 +49,14 @@ class YardDemo:
         for name, file in (("--json", self.json), ("--record", self.record)):
             require_file(name, file)
         from fleet.recording.run_file import plain
+        from fleet.world import plain_world
         from fleet.world.kinematic import KinematicWorld
         from fleet.yard.run import YardRun
         from maps.yard import load_yard
 
         yard = load_yard(self.yard)
-        run = YardRun(yard, self.cars, self._world, seed=self.seed, clock=time.process_time)
+        make_world = functools.partial(plain_world, physics=self.fidelity == "physics")
+        run = YardRun(yard, self.cars, make_world, seed=self.seed, clock=time.process_time)
         n_ticks = max(1, round(self.duration / run.world.tick_s))
         watch: CarWatch | None = None
         try:
@@ -84,16 +85,6 @@ class YardDemo:
         if self.json is not None:
             write_whole(self.json, json.dumps(plain(result), indent=2) + "\n")
         return TOUCHED if result.contacts else DONE
-
-    def _world(self, scene: Scene) -> World:
-        if self.fidelity == "kinematic":
-            from fleet.world.kinematic import KinematicWorld
-
-            return KinematicWorld(scene)
-        # The engine takes a moment to load and is needed by this world alone.
-        from fleet.world.bullet.world import BulletWorld
-
-        return BulletWorld(scene)
 
 
 def _figures(result: YardResult) -> dict[str, str]:
