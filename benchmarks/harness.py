@@ -23,7 +23,6 @@ import os
 import platform
 import pstats
 import resource
-import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -44,7 +43,6 @@ EXIT_OK = 0
 EXIT_WRONG_RESULT = 1
 EXIT_BAD_INPUT = 2
 
-_REPOSITORY = Path(__file__).resolve().parent.parent
 _PLAIN_WIDTH = 120
 """Columns of a table that goes to a file or a pipe."""
 _STRETCH_S = 0.5
@@ -285,6 +283,8 @@ def _calibrated(benchmark: Benchmark, trial: Trial) -> Iterator[Row]:
 
 def report(benchmark: Benchmark, trial: Trial, rows: Sequence[Row]) -> dict[str, Any]:
     """Return what the JSON file holds: the rows, and what is needed to measure them again."""
+    from fleet.recording.run_file import commit  # it brings the viewer's library along, which measured runs do without
+
     return {
         "name": benchmark.name,
         "quick": trial.quick,
@@ -305,21 +305,6 @@ def machine() -> dict[str, Any]:
         "system": f"{platform.system()} {platform.machine()}",
         "python": platform.python_version(),
     }
-
-
-def commit() -> str | None:
-    """Return the commit of the source tree, with ``-dirty`` if files differ from it; None outside a git clone."""
-    try:
-        found = subprocess.run(
-            ["git", "describe", "--always", "--dirty", "--abbrev=12", "--exclude=*"],
-            cwd=_REPOSITORY,
-            capture_output=True,
-            text=True,
-            check=False,
-        )
-    except OSError:
-        return None
-    return found.stdout.strip() or None
 
 
 def computing_s() -> float:

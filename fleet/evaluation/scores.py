@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 import json
-import subprocess
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 from fleet.evaluation.episodes import play_episode
 from fleet.evaluation.players import Player
 from fleet.evaluation.scenarios import FIRST_SEED, Case, scenario_named
-from fleet.recording import versions
-
-_SOURCE = Path(__file__).resolve().parents[2]
+from fleet.recording import commit, versions
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,13 +90,3 @@ def play_split(
         commit=commit(),
         versions=versions(),
     )
-
-
-def commit() -> str | None:
-    """Commit of the source, with `-dirty` where files differ from it; None outside a git clone."""
-    command = ["git", "describe", "--always", "--dirty", "--abbrev=12", "--exclude=*"]
-    try:
-        found = subprocess.run(command, cwd=_SOURCE, capture_output=True, text=True, check=False)
-    except OSError:
-        return None
-    return found.stdout.strip() or None

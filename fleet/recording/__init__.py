@@ -17,6 +17,7 @@ from fleet.recording.run_file import DECISIONS as DECISIONS
 from fleet.recording.run_file import RECORDING as RECORDING
 from fleet.recording.run_file import RunFile as RunFile
 from fleet.recording.run_file import RunRecord as RunRecord
+from fleet.recording.run_file import commit as commit
 from fleet.recording.run_file import discard_output as discard_output
 from fleet.recording.run_file import prepare_output as prepare_output
 from fleet.recording.run_file import read_run as read_run

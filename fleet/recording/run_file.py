@@ -7,6 +7,7 @@ import hashlib
 import json
 import math
 import platform
+import subprocess
 import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -31,6 +32,7 @@ VIOLATION = "violation.json"
 DECISIONS = "decisions.json"
 _FILES = (RECORDING, EVENTS, TRACE, RESULT, DECISIONS, VIOLATION)
 _FIGURES = "the figures of a run as one JSON object"
+_SOURCE = Path(__file__).resolve().parents[2]
 _PACKAGES = (
     "pybullet",
     "ompl",
@@ -53,6 +55,16 @@ def versions() -> dict[str, str]:
         except metadata.PackageNotFoundError:
             continue
     return found
+
+
+def commit() -> str | None:
+    """Commit of the source, with `-dirty` where files differ from it; None outside a git clone."""
+    command = ["git", "describe", "--always", "--dirty", "--abbrev=12", "--exclude=*"]
+    try:
+        found = subprocess.run(command, cwd=_SOURCE, capture_output=True, text=True, check=False)
+    except OSError:
+        return None
+    return found.stdout.strip() or None
 
 
 _KNOWN = frozenset({int, str, bool, type(None)})

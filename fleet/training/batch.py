@@ -75,6 +75,16 @@ class BatchStep:
     episodes: list[EpisodeFigures] = field(default_factory=list)
     """Episodes that ended as the environment ends them."""
 
+    @classmethod
+    def of(cls, n_rows: Mapping[str, int]) -> BatchStep:
+        """One in which nothing has happened yet, for so many agents of each type."""
+        return cls(
+            rewards={name: np.zeros(n, dtype=np.float32) for name, n in n_rows.items()},
+            ended={name: np.zeros(n, dtype=np.bool_) for name, n in n_rows.items()},
+            truncated={name: np.zeros(n, dtype=np.bool_) for name, n in n_rows.items()},
+            last={},
+        )
+
 
 class Batch(Protocol):
     """Environments that are stepped side by side, whatever they are made of."""
@@ -170,12 +180,7 @@ class EnvBatch:
 
     def step(self, actions: Mapping[str, npt.NDArray[Any]]) -> BatchStep:
         """See `Batch`."""
-        outcome = BatchStep(
-            rewards={name: np.zeros(n, dtype=np.float32) for name, n in self._n_rows.items()},
-            ended={name: np.zeros(n, dtype=np.bool_) for name, n in self._n_rows.items()},
-            truncated={name: np.zeros(n, dtype=np.bool_) for name, n in self._n_rows.items()},
-            last={},
-        )
+        outcome = BatchStep.of(self._n_rows)
         for index in range(len(self.envs)):
             self._step(index, actions, outcome)
         return outcome

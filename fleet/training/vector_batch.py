@@ -91,12 +91,7 @@ class VectorBatch:
 
     def step(self, actions: Mapping[str, npt.NDArray[Any]]) -> BatchStep:
         """See `Batch`."""
-        outcome = BatchStep(
-            rewards={name: np.zeros(n, dtype=np.float32) for name, n in self._n_rows.items()},
-            ended={name: np.zeros(n, dtype=np.bool_) for name, n in self._n_rows.items()},
-            truncated={name: np.zeros(n, dtype=np.bool_) for name, n in self._n_rows.items()},
-            last={},
-        )
+        outcome = BatchStep.of(self._n_rows)
         for k in range(len(self._vecs)):
             self._step(k, actions, outcome)
         return outcome

@@ -129,7 +129,7 @@ def _show(console: Console, results: ResultsFile, turns: Sequence[Turn]) -> None
     from fleet.evaluation.baselines import headings, row
     from fleet.evaluation.comparison import findings
     from fleet.evaluation.scenarios import SCENARIOS
-    from fleet.evaluation.scores import commit
+    from fleet.recording import commit
 
     name = turns[0].scenario
     wanted = {(turn.split, turn.player.name) for turn in turns}

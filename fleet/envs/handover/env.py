@@ -93,8 +93,9 @@ import numpy.typing as npt
 from gymnasium.spaces import Box
 
 from fleet.arrays import FloatArray
-from fleet.config import Fidelity, Grip, RunConfig, StreamConfig, require
+from fleet.config import Fidelity, Grip, RunConfig, StreamConfig
 from fleet.envs.core.base import EpisodeError, FleetEnv, Infos, Picture, in_order, turn_based
+from fleet.envs.core.driven_world import driven_world, ticks_of_step
 from fleet.envs.core.episode_pictures import EpisodePictures
 from fleet.envs.handover.config import TERMS, HandoverConfig, HandoverWeights
 from fleet.envs.handover.drawing import HandoverDrawing
@@ -109,12 +110,9 @@ from fleet.envs.warehouse.control.hands import N_TIP, agents_arm, hand_model, le
 from fleet.envs.warehouse.control.latch import Latches
 from fleet.tasks.order import Delivery
 from fleet.tasks.stream import stream_orders
-from fleet.world import make_world
-from fleet.world.kinematic import STOP, TYRE_GRIP_MPS2, KinematicConfig, KinematicWorld
-from fleet.world.protocol import World
-from fleet.world.scene import Scene
+from fleet.world.kinematic import STOP
 from fleet.world.site_scene import scene_of
-from maps.lane_graph import LaneGraph, build_lane_graph
+from maps.lane_graph import build_lane_graph
 
 DEAD_BAND = 0.1
 """A car brakes when its speed is told to be less than this share of the full one."""
@@ -151,13 +149,9 @@ class HandoverEnv(FleetEnv):
         scene = self._scene = scene_of(
             place, graph.state_pose[graph.first_states(place.parking[: len(cars)])], Grip.SUCTION
         )
-        self._world = _world_of(scene, graph, config)
-        ticks = config.step_s / self._world.tick_s
-        self._n_ticks = round(ticks)
-        fits = self._n_ticks >= 1 and math.isclose(ticks, self._n_ticks, rel_tol=1e-6)
-        if not fits:
-            self._world.close()
-        require(fits, "control_hz", config.control_hz, f"{1.0 / self._world.tick_s:.6g} / 1, 2, 3, ...")
+        run = RunConfig(site=config.site, robots=config.n_cars, fidelity=Fidelity(config.fidelity))
+        self._world = driven_world(scene, graph, run, STOP)
+        self._n_ticks = ticks_of_step(self._world, config.control_hz)
         self._first = self._world.save(settle=True)
         self._places = places_of(place.stations, scene.car, len(cars))
         stops = [graph.state_at(station.dock.cell, station.dock.heading) for station in place.stations]
@@ -295,12 +289,6 @@ def raw_env(**settings: Any) -> Any:
 def env(**settings: Any) -> Any:
     """Make the turn-based environment that complains about calls in a wrong order."""
     return in_order(raw_env(**settings))
-
-
-def _world_of(scene: Scene, graph: LaneGraph, config: HandoverConfig) -> World:
-    if config.fidelity == Fidelity.KINEMATIC:
-        return KinematicWorld(scene, KinematicConfig(contact=STOP, grip_mps2=TYRE_GRIP_MPS2))
-    return make_world(scene, graph, RunConfig(site=config.site, robots=config.n_cars, fidelity=Fidelity.PHYSICS))
 
 
 def _box(n: int) -> Box:

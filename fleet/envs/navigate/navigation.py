@@ -60,6 +60,7 @@ from fleet.config import Fidelity, Grip, RunConfig, require
 from fleet.config.field_checks import is_number, is_whole
 from fleet.envs.core.base import EpisodeError, FleetEnv, Infos, Picture, in_order, turn_based
 from fleet.envs.core.choices import row_of
+from fleet.envs.core.driven_world import driven_world, ticks_of_step
 from fleet.envs.core.env_config import RecordedEnvConfig
 from fleet.envs.core.episode_pictures import EpisodePictures
 from fleet.envs.core.floor_drawing import FloorDrawing
@@ -67,12 +68,9 @@ from fleet.envs.core.weights import check_weights
 from fleet.envs.navigate.rows import N_CAR_NUMBERS, CarsSeen, Seen, observe
 from fleet.envs.navigate.ways import WayLines, project
 from fleet.robots.pursuit import PathBuffer
-from fleet.world import make_world
-from fleet.world.kinematic import CONTACTS, STOP, TYRE_GRIP_MPS2, KinematicConfig, KinematicWorld
-from fleet.world.protocol import World
-from fleet.world.scene import Scene
+from fleet.world.kinematic import CONTACTS, STOP
 from fleet.world.site_scene import scene_of
-from maps.lane_graph import LaneGraph, MoveKind, build_lane_graph
+from maps.lane_graph import MoveKind, build_lane_graph
 from planners.mapf.distance_table import UNREACHABLE, DistanceTable
 
 FIDELITIES = (Fidelity.KINEMATIC, Fidelity.PHYSICS)
@@ -209,13 +207,9 @@ class NavigationEnv(FleetEnv):
         scene = scene_of(config.place, graph.state_pose[self._starts], Grip.SUCTION)
         # Arms would only stand about.
         scene = replace(scene, arms=scene.arms.part(()), arm_base=scene.arm_base[:0], arm_start=scene.arm_start[:0])
-        self._world = _world_of(scene, graph, config)
-        ticks = 1.0 / (config.control_hz * self._world.tick_s)
-        self._n_ticks = round(ticks)
-        fits = self._n_ticks >= 1 and math.isclose(ticks, self._n_ticks, rel_tol=1e-6)
-        if not fits:
-            self._world.close()
-        require(fits, "control_hz", config.control_hz, f"{1.0 / self._world.tick_s:.6g} / 1, 2, 3, ...")
+        run = RunConfig(site=config.site, robots=config.n_cars, fidelity=Fidelity(config.fidelity))
+        self._world = driven_world(scene, graph, run, config.contact)
+        self._n_ticks = ticks_of_step(self._world, config.control_hz)
         self._parked = self._world.save(settle=True)
         self._no_joints = np.zeros((0, scene.arms.width))
         self._no_grip = np.zeros(0, dtype=np.bool_)
@@ -432,12 +426,6 @@ def raw_env(**settings: Any) -> Any:
 def env(**settings: Any) -> Any:
     """Make the turn-based environment that complains about calls in a wrong order."""
     return in_order(raw_env(**settings))
-
-
-def _world_of(scene: Scene, graph: LaneGraph, config: NavigationConfig) -> World:
-    if config.fidelity == Fidelity.KINEMATIC:
-        return KinematicWorld(scene, KinematicConfig(contact=config.contact, grip_mps2=TYRE_GRIP_MPS2))
-    return make_world(scene, graph, RunConfig(site=config.site, robots=config.n_cars, fidelity=Fidelity.PHYSICS))
 
 
 def _box(n: int) -> Box:

@@ -18,8 +18,7 @@ from fleet.evaluation.episodes import Observations, play_episode
 from fleet.evaluation.errors import DatasetError
 from fleet.evaluation.players import Player
 from fleet.evaluation.scenarios import FIRST_SEED, Case, scenario_named
-from fleet.evaluation.scores import commit
-from fleet.recording import versions
+from fleet.recording import commit, versions
 from fleet.training.batch import type_of, vector
 
 
