@@ -35,7 +35,7 @@ class Demonstration:
     actions: npt.NDArray[Any]
     """As the environment takes them, shape (n,) or (n, n_entries)."""
     worths: npt.NDArray[np.float32] | None = None
-    """What each action was worth, -inf of what could not be had, shape (n, n_actions); None where nobody said so."""
+    """What each action was worth, shape (n, n_actions); None where nobody said so."""
 
     def require(self, kind: AgentType, path: Path) -> None:
         """Make sure that it is of these agents.
@@ -59,14 +59,6 @@ class Demonstration:
             if len(odd):
                 numbers = f"integers from 0 to {n_actions - 1}"
                 raise TrainingError(f"{path}: {kind.name}_actions has {odd[0]}; valid: {numbers}")
-        if self.worths is not None:
-            done = self.worths[np.arange(len(self.actions)), self.actions.astype(np.int64)]
-            if np.isneginf(done).any():
-                sample = int(np.flatnonzero(np.isneginf(done))[0])
-                raise TrainingError(
-                    f"{path}: {kind.name}_worths says of sample {sample} that what was done, "
-                    f"{self.actions[sample]}, could not be had (-inf); valid: a finite number"
-                )
 
 
 def write_demonstrations(path: Path, told: Mapping[str, Demonstration]) -> None:
@@ -105,8 +97,7 @@ def read_demonstrations(path: Path) -> dict[str, Demonstration]:
             raise TrainingError(
                 f"{path}: {name} is an array of {array.dtype}, {array.ndim} axes; valid: rows of numbers"
             )
-        finite = np.abs(array) <= np.finfo(np.float32).max
-        if not (finite | (np.isneginf(array) & name.endswith("_worths"))).all():
+        if not (np.abs(array) <= np.finfo(np.float32).max).all():
             raise TrainingError(f"{path}: {name} has numbers that are not finite in 32 bits; valid: finite ones")
     kinds = [name.rpartition("_")[0] for name in arrays if name.endswith("_rows")]
     if not kinds:

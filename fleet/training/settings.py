@@ -79,10 +79,9 @@ class PpoConfig:
     paper's aggregated data set): where choices are rare, a few steps hold too few."""
     clone_temperature: float = 0.0
     """Of teachers that say what each action is worth: the agent learns to do each as often as the softmax of worths
-    over this says, so that it is told how much better one is, and not only which; of those that could not be had (-inf)
-    it is told nothing. 0: what the teacher did. With `clone_n` it needs `clone_all`. Source: S. Ross, J. A. Bagnell,
-    "Reinforcement and Imitation Learning via Interactive No-Regret Learning", arXiv:1406.5979, 2014, who learn from
-    worths, by another loss."""
+    over this says, so that it is told how much better one is, and not only which; 0: what the teacher did. With
+    `clone_n` it needs `clone_all`. Source: S. Ross, J. A. Bagnell, "Reinforcement and Imitation Learning via
+    Interactive No-Regret Learning", arXiv:1406.5979, 2014, who learn from worths, by another loss."""
     clone_epochs_n: int = 10
     """Times that each sample of a file of demonstrations is used, before the first step."""
     anchor: float = 0.0

@@ -27,8 +27,8 @@ class Weighing(Protocol):
 
     @property
     def worths(self) -> Mapping[str, npt.NDArray[np.float32]]:
-        """What each action of an agent was worth in the latest `act`, more is better, -inf of what cannot be had, shape
-        (n_actions,); of the agents that had a choice, by name."""
+        """What each action of an agent was worth in the latest `act`, more is better, shape (n_actions,); of the agents
+        that had a choice, by name."""
 
 
 class Random:

@@ -77,8 +77,8 @@ class RolloutPolicy:
         """Futures played so far."""
         self.worths: dict[str, npt.NDArray[np.float32]] = {}
         """What each action of a car that could choose gains over leaving the car to the rule, in deliveries, shape
-        (k + 1,); 0, as if it was left to the rule, of taking nothing, and -inf of candidates that a car before it was
-        given. See `Weighing`."""
+        (k + 1,); 0, as if it was left to the rule, where it was not tried: of taking nothing, and of candidates that a
+        car before it was given, as a car that chooses what another one gets is left over. See `Weighing`."""
         self._rng = np.random.default_rng(seed)
         self._usual = [Allocated("greedy", cost=apparent_tardiness, classes=strict) for strict in (False, True)]
         self._drawn: Jobs | None = None
@@ -105,8 +105,7 @@ class RolloutPolicy:
             order, given_out = outlook.jobs.order, outlook.job[outlook.job != NONE]
             open_ = ~np.isin(order[rows], order[given_out])
             places, rows = places[open_], rows[open_]
-            worth, best = np.full(env.candidates.shape[1] + 1, -np.inf, dtype=np.float32), NONE
-            worth[0] = 0.0
+            worth, best = np.zeros(env.candidates.shape[1] + 1, dtype=np.float32), NONE
             if len(rows):
                 best, worth[places + 1] = self._best(env, outlook, futures, car, rows, rule)
             if best == NONE:

@@ -258,8 +258,10 @@ class Learner:
             generator: Source of the order of samples.
         """
         self._notice(told.rows, None)
-        mask = None if told.mask is None else masks_of(told.mask, self.kind)
-        self._imitate(self._shown_of(told.rows, mask, self.plain(told.actions), told.worths), n_epochs, rate, generator)
+        mask = None if told.mask is None else torch.from_numpy(masks_of(told.mask, self.kind))
+        actions = torch.from_numpy(self.plain(told.actions))
+        shown = _Shown(torch.from_numpy(told.rows), mask, actions, self._shares(told.worths, mask))
+        self._imitate(shown, n_epochs, rate, generator)
 
     @property
     def is_finite(self) -> bool:
@@ -348,23 +350,21 @@ class Learner:
     def _show(self, rollout: Rollout) -> _Shown:
         """What a teacher said in a rollout, where there was a choice."""
         there = rollout.active
-        mask, worths = (None if one is None else one[there] for one in (rollout.mask, rollout.worths))
-        shown = self._shown_of(rollout.seen, mask, rollout.actions[there], worths)
-        if shown.mask is None:
-            return shown
-        chose = shown.mask.sum(dim=1) > 1
-        return _Shown(*(None if one is None else one[chose] for one in shown))
+        rows, actions = torch.from_numpy(rollout.seen), torch.from_numpy(rollout.actions[there])
+        mask = None if rollout.mask is None else torch.from_numpy(rollout.mask[there])
+        shares = self._shares(None if rollout.worths is None else rollout.worths[there], mask)
+        if mask is None:
+            return _Shown(rows, None, actions, shares)
+        chose = mask.sum(dim=1) > 1
+        return _Shown(rows[chose], mask[chose], actions[chose], None if shares is None else shares[chose])
 
-    def _shown_of(
-        self, rows: Floats, mask: npt.NDArray[np.bool_] | None, actions: npt.NDArray[Any], worths: Floats | None
-    ) -> _Shown:
-        """What a teacher said; of actions that could not be had nothing is learned, neither good nor bad."""
-        temperature, shares = self._config.clone_temperature, None
-        if worths is not None and temperature:
-            mask = worths > -np.inf if mask is None else mask & (worths > -np.inf)
-            scores = torch.from_numpy(worths) / temperature
-            shares = torch.softmax(scores.masked_fill(torch.from_numpy(~mask), -torch.inf), dim=1)
-        return _Shown(torch.from_numpy(rows), _tensor(mask), torch.from_numpy(actions), shares)
+    def _shares(self, worths: Floats | None, mask: Tensor | None) -> Tensor | None:
+        """How often to do actions that are worth so much, shape (n, n_actions)."""
+        temperature = self._config.clone_temperature
+        if worths is None or not temperature:
+            return None
+        scores = torch.from_numpy(worths) / temperature
+        return torch.softmax(scores if mask is None else scores.masked_fill(~mask, -torch.inf), dim=1)
 
     def _imitate(self, shown: _Shown, n_epochs: int, rate: float, generator: torch.Generator) -> float:
         """Imitate samples; returns how far the policy was from them, as a mean over all steps."""
