@@ -16,7 +16,7 @@ from fleet.world.bullet.bench.table import TICK_S, TableWorld
 from fleet.world.scene import StaticBox
 from fleet.world.tabletop import TableScene
 from planners.motion.arm.ik import SrsGeometry
-from planners.motion.arm.kinematics import flange_from_tip
+from planners.motion.arm.kinematics import flange_from_tip, pointing_down
 from planners.motion.collision.collision import CollisionChecker
 from planners.motion.collision.obstacles import Boxes
 from planners.motion.search.rrt_connect_native import RrtConnectNative
@@ -102,8 +102,7 @@ class SharedTray:
             y = rng.uniform(-0.15, 0.10) if over_tray else rng.uniform(0.7, 1.0)
             point = np.array([rng.uniform(0.25, 0.5), side * y, rng.uniform(0.30, 0.45)])
             yaw = rng.uniform(-np.pi, np.pi)
-            tip = np.eye(4)
-            tip[:3, :3] = [[np.cos(yaw), np.sin(yaw), 0], [np.sin(yaw), -np.cos(yaw), 0], [0, 0, -1]]
+            tip = pointing_down(yaw)
             tip[:3, 3] = point - self.bases[arm]
             q = self.srs.ik_all(flange_from_tip(tip, self.tool.length_m))
             q = q[self.checkers[arm].batch(q)] if len(q) else q

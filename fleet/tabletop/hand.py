@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fleet.arrays import FloatArray
+from planners.motion.arm.kinematics import pointing_down
 
 N_YAWS = 8
 """Turns about the vertical that a cup may stand in."""
@@ -37,9 +38,7 @@ class Grasp:
 
 def down(yaw: float, point: FloatArray) -> FloatArray:
     """Pose of a tip that looks down at a point (3,), turned about the vertical; shape (4, 4)."""
-    c, s = np.cos(yaw), np.sin(yaw)
-    pose = np.eye(4)
-    pose[:3, :3] = [[c, s, 0.0], [s, -c, 0.0], [0.0, 0.0, -1.0]]
+    pose = pointing_down(yaw)
     pose[:3, 3] = point
     return pose
 

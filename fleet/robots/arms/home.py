@@ -10,6 +10,7 @@ import numpy as np
 from fleet.arrays import FloatArray
 from fleet.robots.errors import ArmDescriptionError
 from planners.motion.arm.ik_numeric import NumericInverse
+from planners.motion.arm.kinematics import pointing_down
 
 HOME_TIP_M = (-0.40, 0.62)
 """Usual x and z of the tool's tip at rest, in the base frame [m]: behind the base, between the default slots, pointing
@@ -34,13 +35,7 @@ def behind_the_base(*near_rad: float, z_m: float = HOME_TIP_M[1]) -> Home:
         if guess.shape != lower.shape:
             raise ArmDescriptionError(f"home: a guess of {len(guess)} angles; valid: {len(lower)}, one for each joint")
         across = inverse.flange(guess)[:3, 0]
-        yaw = math.atan2(across[1], across[0])
-        pose = np.eye(4)
-        pose[:3, :3] = [
-            [math.cos(yaw), math.sin(yaw), 0.0],
-            [math.sin(yaw), -math.cos(yaw), 0.0],
-            [0.0, 0.0, -1.0],
-        ]
+        pose = pointing_down(math.atan2(across[1], across[0]))
         pose[[0, 2], 3] = HOME_TIP_M[0], z_m + tool_length_m
         found = inverse.ik_near(pose, guess)
         if found is None:

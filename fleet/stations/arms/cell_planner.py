@@ -37,7 +37,7 @@ from fleet.stations.arms.transfer import (
     TransferRequest,
 )
 from fleet.tasks.order import MAX_EDGE_M
-from planners.motion.arm.kinematics import flange_from_tip
+from planners.motion.arm.kinematics import flange_from_tip, pointing_down
 from planners.motion.arm.spheres import box_spheres
 from planners.motion.collision.collision import CollisionChecker
 from planners.motion.collision.obstacles import Boxes
@@ -499,7 +499,7 @@ class CellPlanner:
         anchors = [self._spec.home_rad] + ([] if place == TRAY else [self._via(TRAY)])
         candidates = []
         for yaw in np.linspace(-np.pi, np.pi, TOOL_YAWS, endpoint=False):
-            tip = _down(yaw)
+            tip = pointing_down(yaw)
             tip[:3, 3] = support[0], support[1], support[2] + MAX_EDGE_M + LIFT_M
             candidates.append(self._motions.inverse.ik_all(flange_from_tip(tip, self._tool.length_m)))
         q = np.concatenate(candidates)
@@ -588,14 +588,6 @@ def place_name(place: int) -> str:
 
 def _between(a: int, b: int) -> str:
     return f"from above {place_name(max(a, b))} to {place_name(min(a, b))}"
-
-
-def _down(yaw: float) -> FloatArray:
-    """Orientation of a tool that points down, x at `yaw`, as a 4x4 pose at the origin."""
-    cos, sin = np.cos(yaw), np.sin(yaw)
-    pose = np.eye(4)
-    pose[:3, :3] = [[cos, sin, 0.0], [sin, -cos, 0.0], [0.0, 0.0, -1.0]]
-    return pose
 
 
 def _yawed(tip: FloatArray, yaw: float) -> FloatArray:

@@ -156,6 +156,21 @@ def last_link_pose(joints: FloatArray, q: npt.ArrayLike) -> FloatArray:
     return pose
 
 
+def pointing_down(yaw: float) -> FloatArray:
+    """Pose of a tool tip that looks straight down, for the caller to put where it is wanted.
+
+    Args:
+        yaw: Direction of its x axis, seen from above [rad].
+
+    Returns:
+        The pose at the origin, shape (4, 4).
+    """
+    c, s = np.cos(yaw), np.sin(yaw)
+    pose = np.eye(4)
+    pose[:3, :3] = [[c, s, 0.0], [s, -c, 0.0], [0.0, 0.0, -1.0]]
+    return pose
+
+
 def flange_from_tip(base_from_tip: npt.ArrayLike, tool_length_m: float) -> FloatArray:
     """Pose of the last link frame that puts the tool tip, ahead on its +z, at a pose.
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from planners.errors import PlanningError
-from planners.motion.arm.kinematics import flange_from_tip, link_frames
+from planners.motion.arm.kinematics import flange_from_tip, link_frames, pointing_down
 
 
 def _turn(angle):  # type: ignore[no-untyped-def]
@@ -36,10 +36,16 @@ def test_upright_iiwa_height(iiwa_joints):  # type: ignore[no-untyped-def]
     np.testing.assert_allclose(link_frames(iiwa_joints[0], np.zeros(7))[-1][:3, 3], [0, 0, 1.261], atol=1e-9)
 
 
+def test_a_tool_that_points_down_is_a_half_turn_about_a_level_axis():
+    pose = pointing_down(0.3)
+    np.testing.assert_allclose(pose[:3, 0], [np.cos(0.3), np.sin(0.3), 0.0])
+    np.testing.assert_array_equal(pose[:, 2:], [[0, 0], [0, 0], [-1, 0], [0, 1]])
+    np.testing.assert_allclose(pose @ pose, np.eye(4), atol=1e-15)
+    assert np.linalg.det(pose) > 0
+
+
 def test_flange_is_behind_the_tip():
-    tip = np.eye(4)
-    tip[:3, :3] = [[1, 0, 0], [0, -1, 0], [0, 0, -1]]  # pointing down
-    np.testing.assert_allclose(flange_from_tip(tip, 0.2)[:3, 3], [0, 0, 0.2])
+    np.testing.assert_allclose(flange_from_tip(pointing_down(0.0), 0.2)[:3, 3], [0, 0, 0.2])
 
 
 def test_wrong_shapes_are_named(iiwa_joints):  # type: ignore[no-untyped-def]
