@@ -10,10 +10,10 @@ import numpy as np
 from fleet.arrays import FloatArray
 from fleet.proving.course import Course, Leg
 from fleet.proving.vehicles import TICK_S, PhysicalTwist, TwistControl
+from fleet.robots.angle import rotation
 from fleet.robots.twist import POD_CARRIER, TWIST_PROMISES, TWIST_ROBOTS
 from fleet.robots.twist.pod import LIFT_S, POD, pod_urdf
 from fleet.world.bullet.engine.client import Client
-from fleet.world.bullet.engine.frames import rotation
 from fleet.world.bullet.vehicles.floor import load_on_floor
 from fleet.world.bullet.vehicles.lift import CENTRE_S, Lift
 

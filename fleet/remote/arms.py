@@ -13,7 +13,7 @@ from fleet.remote.errors import RemoteError
 from fleet.robots.arms.spec import ArmSpec
 from fleet.run.view import RunView
 from fleet.stations.arms.arm_controller import ArmPhase
-from planners.motion.arm.kinematics import link_frames
+from planners.motion.arm.kinematics import link_frames, turn_about_z
 
 LOW_M = 0.6
 """Over a lane, an arm must keep its joints and its tip higher than this above the floor: cars with parcels [m]."""
@@ -262,8 +262,7 @@ class RemoteArms:
         tips = frames[:, -1] @ np.array([0.0, 0.0, spec.tool_length_m, 1.0])
         local = np.concatenate((frames[:, 1:, :3, 3].reshape(-1, 3), tips[:, :3]))
         x, y, z, yaw = self._run.scene.arm_base[arm].tolist()
-        turn = np.array([[math.cos(yaw), -math.sin(yaw), 0.0], [math.sin(yaw), math.cos(yaw), 0.0], [0.0, 0.0, 1.0]])
-        return np.array([x, y, z]) + local @ turn.T
+        return np.array([x, y, z]) + local @ turn_about_z(yaw).T
 
     def _dock(self, arm: int) -> int:
         return int(self._run.graph.state_cell[self._run.stations[arm].dock_state])

@@ -1,9 +1,10 @@
-"""Angles that kernels keep within a turn, and rotations that they fill in."""
+"""Angles within a turn, and rotations of quaternions (x, y, z, w)."""
 
 from __future__ import annotations
 
 import math
 
+import numpy as np
 from numba import njit
 
 from fleet.arrays import FloatArray
@@ -37,3 +38,24 @@ def rotation_into(quat: FloatArray, turn: FloatArray) -> None:
     turn[2, 0] = 2 * (x * z - y * w)
     turn[2, 1] = 2 * (y * z + x * w)
     turn[2, 2] = 1 - 2 * (x * x + y * y)
+
+
+def rotation(quat_xyzw: FloatArray) -> FloatArray:
+    """Turn unit quaternions into matrices.
+
+    Args:
+        quat_xyzw: Shape (..., 4).
+
+    Returns:
+        Rotation matrices, shape (..., 3, 3).
+    """
+    quat = np.ascontiguousarray(quat_xyzw, dtype=np.float64)
+    turn = np.empty((*quat.shape[:-1], 3, 3))
+    _rotations(quat.reshape(-1, 4), turn.reshape(-1, 3, 3))
+    return turn
+
+
+@njit(cache=True)
+def _rotations(quats: FloatArray, turns: FloatArray) -> None:
+    for k in range(len(quats)):
+        rotation_into(quats[k], turns[k])

@@ -20,6 +20,7 @@ from fleet.world.scene import StaticBox
 from planners.motion import RrtConnectNative
 from planners.motion.arm.arm_model import ArmModel, assemble
 from planners.motion.arm.inverse import inverse_kinematics
+from planners.motion.arm.kinematics import turn_about_z
 from planners.motion.arm.spheres import box_spheres
 from planners.motion.collision.collision import CollisionChecker
 from planners.motion.collision.obstacles import Boxes, Capsules
@@ -99,8 +100,7 @@ def _with_fine_hand(file: ArmFile, hand: OwnHand) -> ArmModel:
     model, n = file.model, len(file.joint_names)
     parts = model.sphere_frame if model.sphere_part is None else model.sphere_part
     covers = [(i, model.sphere_centre[parts == i], model.sphere_radius[parts == i]) for i in range(n + 1)]
-    c, s = np.cos(hand.tool.finger_turn_rad), np.sin(hand.tool.finger_turn_rad)
-    turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    turn = turn_about_z(hand.tool.finger_turn_rad)
     for low, high, cells in hand.boxes_m:
         centre, radius = box_spheres((np.array(high) - np.array(low)) / 2, cells)
         covers.append((n + 1, (centre + (np.array(low) + np.array(high)) / 2) @ turn.T, radius))

@@ -9,6 +9,7 @@ from itertools import islice
 import numpy as np
 
 from fleet.arrays import FloatArray
+from fleet.robots.angle import rotation
 from fleet.robots.spec import CarSpec
 from fleet.stations.arms.arm_cell import ArmCell
 from fleet.stations.arms.arm_motions import (
@@ -37,7 +38,7 @@ from fleet.stations.arms.transfer import (
     TransferRequest,
 )
 from fleet.tasks.order import MAX_EDGE_M
-from planners.motion.arm.kinematics import flange_from_tip, pointing_down
+from planners.motion.arm.kinematics import flange_from_tip, pointing_down, turn_about_z
 from planners.motion.arm.spheres import box_spheres
 from planners.motion.collision.collision import CollisionChecker
 from planners.motion.collision.obstacles import Boxes
@@ -211,7 +212,7 @@ class CellPlanner:
             Ends of the edges [m], shape (e, 2, 3).
         """
         x, y, z, yaw = self.cell.base_pose
-        turn = np.array([[np.cos(yaw), -np.sin(yaw), 0.0], [np.sin(yaw), np.cos(yaw), 0.0], [0.0, 0.0, 1.0]])
+        turn = turn_about_z(yaw)
         edges = [np.empty((0, 2, 3))]
         for tree in self._search.take_trees():
             tips = np.array([self._motions.tip(q)[:3, 3] for q in tree.vertices]).reshape(-1, 3)
@@ -319,7 +320,7 @@ class CellPlanner:
         """Take a parcel from wherever it lies, by a way that is searched for, and place it as any other."""
         pose = np.eye(4)
         pose[:3, 3] = self.cell.base_from_world(request.pick_pose[:3])
-        pose[:3, :3] = _turned_z(-self.cell.base_pose[3]) @ _matrix(request.pick_pose[3:])
+        pose[:3, :3] = turn_about_z(-self.cell.base_pose[3]) @ rotation(request.pick_pose[3:])
         grips = loose_grips(pose, request.size_m, self._tool, SUCTION_GAP_M, PICK_ABOVE_BOTTOM_M)
         held = Held(size_m=grips.size_m, below_tip_m=grips.height_m - grips.size_m[2] / 2)
         over = self._from_via(grips, held, request.place_via)
@@ -397,9 +398,9 @@ class CellPlanner:
     def _grips(self, request: TransferRequest | FetchRequest) -> list[tuple[FloatArray, float]]:
         """Tip poses that grip the parcel, best first, each with the tip's height over the parcel's underside."""
         centre = self.cell.base_from_world(request.pick_pose[:3])
-        rotation = _matrix(request.pick_pose[3:])
+        matrix = rotation(request.pick_pose[3:])
         half = np.asarray(request.size_m) / 2
-        half_height = float(np.abs(rotation[2]) @ half)
+        half_height = float(np.abs(matrix[2]) @ half)
         via_tip = self._via_tip(request.pick_via)
         if not self._tool.finger_joints:
             tip = via_tip.copy()
@@ -407,24 +408,24 @@ class CellPlanner:
             return [(tip, 2 * half_height + SUCTION_GAP_M)]
         height = max(half_height, PICK_ABOVE_BOTTOM_M)
         grips = []
-        for turn in self._finger_turns(rotation, half, via_tip):
+        for turn in self._finger_turns(matrix, half, via_tip):
             tip = _yawed(via_tip, turn)
             tip[:3, 3] = centre[0], centre[1], centre[2] - half_height + height
             grips.append((tip, height))
         return grips
 
-    def _finger_turns(self, rotation: FloatArray, half: FloatArray, via_tip: FloatArray) -> list[float]:
+    def _finger_turns(self, matrix: FloatArray, half: FloatArray, via_tip: FloatArray) -> list[float]:
         """Turns that put the fingers across two opposite sides: small turns first, and across wide sides last.
 
         A turn costs more time than anything else on the way down.
         """
-        across = [k for k in range(3) if abs(rotation[2, k]) < np.sqrt(0.5)]
+        across = [k for k in range(3) if abs(matrix[2, k]) < np.sqrt(0.5)]
         present = np.arctan2(via_tip[1, 0], via_tip[0, 0])
         turns: list[tuple[bool, float]] = []
         for k in across:
             wide = bool(2 * half[k] > EASY_WIDTH_M)
             # The parcel's axes are in the world frame, the tip's in the base frame.
-            wanted = np.arctan2(rotation[1, k], rotation[0, k]) - self.cell.base_pose[3]
+            wanted = np.arctan2(matrix[1, k], matrix[0, k]) - self.cell.base_pose[3]
             small = float((wanted - present + np.pi / 2) % np.pi - np.pi / 2)
             turns += [(wide, small), (wide, small - np.pi if small > 0 else small + np.pi)]
         return [turn for _, turn in sorted(turns, key=lambda turn: (turn[0], abs(turn[1])))]
@@ -593,22 +594,5 @@ def _between(a: int, b: int) -> str:
 def _yawed(tip: FloatArray, yaw: float) -> FloatArray:
     """A tip pose turned about the vertical through it."""
     turned = tip.copy()
-    turned[:3, :3] = _turned_z(yaw) @ tip[:3, :3]
+    turned[:3, :3] = turn_about_z(yaw) @ tip[:3, :3]
     return turned
-
-
-def _turned_z(yaw: float) -> FloatArray:
-    """Turn about the vertical as a 3x3 matrix."""
-    cos, sin = np.cos(yaw), np.sin(yaw)
-    return np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
-
-
-def _matrix(quat_xyzw: FloatArray) -> FloatArray:
-    x, y, z, w = quat_xyzw
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )

@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit
 
 from fleet.arrays import BoolArray, FloatArray, IntArray
-from fleet.robots.angle import rotation_into
+from fleet.robots.angle import rotation, rotation_into
 from fleet.robots.cars.models import CarModels
 from fleet.robots.differential import LeggedChassis, SkidChassis, TwistLimits
 from fleet.robots.spec import HINGES, WHEELS, CarMotors
@@ -20,7 +20,7 @@ from fleet.robots.twist.follower import shared
 from fleet.world.bullet.ackermann import Ackermann
 from fleet.world.bullet.engine import groups
 from fleet.world.bullet.engine.client import Client
-from fleet.world.bullet.engine.frames import quaternion, rotation, turned
+from fleet.world.bullet.engine.frames import quaternion, turned
 from fleet.world.bullet.vehicles.floor import load_on_floor
 from fleet.world.bullet.vehicles.legged import Legged
 

@@ -20,9 +20,9 @@ from typing import Any
 import numpy as np
 
 from fleet.arrays import IntArray
+from fleet.robots.angle import rotation
 from fleet.robots.cars.models import CarModels
 from fleet.world.bullet.engine.client import Client
-from fleet.world.bullet.engine.frames import rotation
 from fleet.world.protocol import Contacts
 
 _PAUSE_S = 0.25

@@ -9,9 +9,9 @@ import numpy as np
 
 from fleet.arrays import BoolArray, FloatArray
 from fleet.config import Grip
+from fleet.robots.angle import rotation
 from fleet.world.bullet.arms import Arms
 from fleet.world.bullet.engine.client import Client
-from fleet.world.bullet.engine.frames import rotation
 from fleet.world.bullet.parcels import Parcels
 from fleet.world.protocol import TOOL_FAILED
 

@@ -8,11 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from fleet.arrays import FloatArray, IntArray
+from fleet.robots.angle import rotation
 from fleet.robots.cars.models import CarModels
 from fleet.robots.twist.pod import LIFT_M, LIFT_S, pod_urdf
 from fleet.world.bullet.contacts import ContactMonitor
 from fleet.world.bullet.engine.client import Client
-from fleet.world.bullet.engine.frames import quaternion, rotation
+from fleet.world.bullet.engine.frames import quaternion
 from fleet.world.bullet.engine.urdf_text import without_visuals
 from fleet.world.bullet.vehicles.floor import load_on_floor
 from fleet.world.bullet.vehicles.lift import CENTRE_S, Hold, Lift

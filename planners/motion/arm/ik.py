@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from planners.errors import PlanningError
 from planners.motion import checks
-from planners.motion.arm.kinematics import link_frames
+from planners.motion.arm.kinematics import link_frames, turn_about_z
 from planners.motion.arm.seven_joints import FIT_TOLERANCE, N_JOINTS, SevenJointArm, seven_joint_arm
 from planners.motion.arrays import FloatArray
 from planners.motion.kernel import inlined, kernel
@@ -388,21 +388,16 @@ class SrsGeometry(SevenJointArm):
         """Arm angle [rad] and branch (0 to 7) of a configuration: the inverse of `ik_branch`."""
         turned = checks.vector("q", q, N_JOINTS) * self.packed[3].reshape(-1)[:N_JOINTS]
         branch = int(turned[3] > 0.0) + 2 * int(turned[1] > 0.0) + 4 * int(turned[5] > 0.0)
-        shoulder = _rz(turned[0]) @ _ry(turned[1]) @ _rz(turned[2])
+        shoulder = turn_about_z(turned[0]) @ _ry(turned[1]) @ turn_about_z(turned[2])
         upper_arm, fore_arm = self.packed[2, 0, :2]
         aside, along = -fore_arm * np.sin(turned[3]), upper_arm + fore_arm * np.cos(turned[3])
         wrist = shoulder @ np.array([aside, 0.0, along])
         radius = np.hypot(wrist[0], wrist[1])
         turn = np.arctan2(wrist[1], wrist[0]) if radius > _STRAIGHT else 0.0
-        reference = _rz(turn) @ _ry(np.arctan2(radius, wrist[2]) - np.arctan2(aside, along))
+        reference = turn_about_z(turn) @ _ry(np.arctan2(radius, wrist[2]) - np.arctan2(aside, along))
         swing = shoulder @ reference.T  # a rotation about the shoulder-wrist line
         sine = np.array([swing[2, 1] - swing[1, 2], swing[0, 2] - swing[2, 0], swing[1, 0] - swing[0, 1]]) @ wrist
         return float(np.arctan2(sine / np.sqrt(wrist.dot(wrist)), swing.trace() - 1.0)), branch
-
-
-def _rz(angle: float) -> FloatArray:
-    c, s = np.cos(angle), np.sin(angle)
-    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
 def _ry(angle: float) -> FloatArray:

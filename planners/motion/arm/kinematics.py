@@ -156,6 +156,12 @@ def last_link_pose(joints: FloatArray, q: npt.ArrayLike) -> FloatArray:
     return pose
 
 
+def turn_about_z(angle: float) -> FloatArray:
+    """Matrix of a turn about the z axis by an angle [rad], shape (3, 3)."""
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
 def pointing_down(yaw: float) -> FloatArray:
     """Pose of a tool tip that looks straight down, for the caller to put where it is wanted.
 

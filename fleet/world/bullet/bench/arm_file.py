@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from fleet.arrays import FloatArray
 from fleet.errors import FleetError
+from fleet.robots.angle import rotation
 from fleet.world.bullet.engine.client import Client, PhysicsError, quiet
 from fleet.world.bullet.engine.urdf_text import urdf_fault
 from planners.motion.arm.arm_model import ArmModel, assemble
@@ -477,13 +478,8 @@ def _ancestors(parents: Sequence[int], link: int) -> list[int]:
 
 
 def _pose(position: tuple[float, ...], quat_xyzw: tuple[float, ...]) -> FloatArray:
-    x, y, z, w = np.asarray(quat_xyzw) / np.linalg.norm(quat_xyzw)
     pose = np.eye(4)
-    pose[:3, :3] = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ]
+    pose[:3, :3] = rotation(np.asarray(quat_xyzw) / np.linalg.norm(quat_xyzw))
     pose[:3, 3] = position
     return pose
 

@@ -10,11 +10,11 @@ from scipy.spatial.transform import Rotation
 
 from fleet.arrays import BoolArray, FloatArray
 from fleet.config import Connect, Grip
+from fleet.robots.angle import rotation
 from fleet.robots.arms.spec import ArmSpec
 from fleet.robots.arms.team import ArmTeam
 from fleet.world.bullet.arms import Arms, MotorSteps
 from fleet.world.bullet.engine.client import Client, quiet
-from fleet.world.bullet.engine.frames import rotation
 from fleet.world.bullet.grip import make_grip
 from fleet.world.bullet.parcels import Parcels
 from fleet.world.protocol import ParcelBody

@@ -7,10 +7,11 @@ import math
 import numpy as np
 
 from fleet.arrays import FloatArray
+from fleet.robots.angle import rotation
 from fleet.world.bullet.engine import groups
 from fleet.world.bullet.engine.client import Client
 from fleet.world.bullet.engine.config import BulletConfig
-from fleet.world.bullet.engine.frames import quaternion, rotation
+from fleet.world.bullet.engine.frames import quaternion
 from fleet.world.bullet.fixed import FLOOR_FRICTION
 
 GRAVITY_MPS2 = 9.81

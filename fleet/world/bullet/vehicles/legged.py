@@ -8,12 +8,13 @@ from typing import Any
 import numpy as np
 
 from fleet.arrays import FloatArray
+from fleet.robots.angle import rotation
 from fleet.robots.differential import LeggedChassis
 from fleet.robots.twist.inertial import InertialConfig, InertialEstimator
 from fleet.robots.twist.trot import Trot, standing_angles
 from fleet.world.bullet.engine import groups
 from fleet.world.bullet.engine.client import Client
-from fleet.world.bullet.engine.frames import quaternion, rotation
+from fleet.world.bullet.engine.frames import quaternion
 from fleet.world.bullet.vehicles.floor import planar
 
 _TRIM_PER_S = 0.3

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from fleet.arrays import FloatArray
+from fleet.robots.angle import rotation
 from fleet.robots.standing import StandingRobot
 from fleet.world.bullet.engine.client import Client, quiet
-from fleet.world.bullet.engine.frames import rotation
 from fleet.world.bullet.vehicles.floor import BareFloor
 
 _GAP_M = 0.001
