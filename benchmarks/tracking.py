@@ -8,6 +8,7 @@ from benchmarks.harness import Benchmark, Kind, Row, Trial, main
 from fleet.arrays import FloatArray
 from fleet.config import ArmConfig, RunConfig
 from fleet.missions.phases import CarPhase
+from fleet.robots.angle import wrapped
 from fleet.simulation import Simulation
 from fleet.traffic.drivers import PathDriver
 
@@ -70,8 +71,8 @@ def _dock_offset(simulation: Simulation, car: int) -> tuple[float, float]:
     pose = simulation.world.car_poses()[car]
     docks = np.array([station.place.dock.pose for station in simulation.stations])
     dock = docks[np.argmin(np.hypot(docks[:, 0] - pose[0], docks[:, 1] - pose[1]))]
-    turn = (pose[2] - dock[2] + np.pi) % (2 * np.pi) - np.pi
-    return float(np.hypot(*(pose[:2] - dock[:2]))), abs(float(turn))
+    turn = wrapped(pose[2] - dock[2])
+    return float(np.hypot(*(pose[:2] - dock[:2]))), abs(turn)
 
 
 BENCHMARK = Benchmark(

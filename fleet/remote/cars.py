@@ -13,6 +13,7 @@ from fleet.incidents.recovery import Recovery
 from fleet.incidents.rejoin_room import cell_of, outline
 from fleet.missions.phases import CarPhase
 from fleet.remote.errors import RemoteError
+from fleet.robots.angle import wrapped_all
 from fleet.robots.spec import CarSpec
 from fleet.run.view import RunView
 from fleet.safety.floor import DEVIATIONS, TAIL_M
@@ -200,7 +201,7 @@ class RemoteCars:
             return  # beside all lanes it keeps its last cell there: the graph knows no other place for it
         x, y, yaw = paths.estimate[car].tolist()
         away = np.hypot(graph.state_pose[states, 0] - x, graph.state_pose[states, 1] - y)
-        away += 0.1 * np.abs(np.remainder(graph.state_pose[states, 2] - yaw + np.pi, 2 * np.pi) - np.pi)
+        away += 0.1 * np.abs(wrapped_all(graph.state_pose[states, 2] - yaw))
         state = int(states[np.argmin(away)])
         if state != int(run.executor.tail_states()[car]) or dependencies.n_granted(car):
             run.executor.relocate(car, state)

@@ -26,6 +26,17 @@ def wrapped_all(angles: FloatArray) -> FloatArray:
 
 
 @njit(cache=True)
+def yaw_of(pose: FloatArray) -> float:
+    """Direction of a body's own x axis, seen from above [rad].
+
+    Args:
+        pose: x, y, z [m] and a unit quaternion x, y, z, w, shape (7,).
+    """
+    qx, qy, qz, qw = pose[3], pose[4], pose[5], pose[6]
+    return math.atan2(2.0 * (qx * qy + qw * qz), 1.0 - 2.0 * (qy * qy + qz * qz))
+
+
+@njit(cache=True)
 def rotation_into(quat: FloatArray, turn: FloatArray) -> None:
     """Fill in the matrix of a unit quaternion x, y, z, w, shape (3, 3)."""
     x, y, z, w = quat[0], quat[1], quat[2], quat[3]

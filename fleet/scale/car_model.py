@@ -14,6 +14,7 @@ import numpy as np
 from numba import njit
 
 from fleet.arrays import FloatArray
+from fleet.robots.angle import wrapped_all
 from fleet.robots.spec import CarSpec
 from fleet.scale.drives import DriveRecord
 
@@ -86,8 +87,7 @@ def simulated_turns(model: CarModel, drive: DriveRecord) -> FloatArray:
 
 def measured_turns(drive: DriveRecord) -> FloatArray:
     """Yaw of each tick as it was measured [rad], shape (n_ticks, n_cars)."""
-    turned: FloatArray = np.remainder(np.diff(drive.poses[:, :, 2], axis=0) + math.pi, 2 * math.pi) - math.pi
-    return turned
+    return wrapped_all(np.diff(drive.poses[:, :, 2], axis=0))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from fleet.arrays import BoolArray, FloatArray, IntArray
 from fleet.errors import FleetError
+from fleet.robots.angle import yaw_of
 from fleet.robots.cars.models import CarModels
 from fleet.world.protocol import ParcelBody
 from fleet.world.scene import StaticBox
@@ -233,24 +234,18 @@ class PlanarParcels:
             if other == row or self._support[other] == Support.TOOL:
                 continue
             other_top = float(self.poses[other, 2] + self._size_m[other, 2] / 2.0)
-            offset = _turned(x - self.poses[other, 0], y - self.poses[other, 1], -_yaw(self.poses[other]))
+            offset = _turned(x - self.poses[other, 0], y - self.poses[other, 1], -yaw_of(self.poses[other]))
             inside = abs(offset[0]) <= self._size_m[other, 0] / 2.0 and abs(offset[1]) <= self._size_m[other, 1] / 2.0
             if inside and top < other_top <= reachable:
                 top, support, carrier = other_top, Support(int(self._support[other])), int(self._carrier[other])
 
-        yaw = _yaw(self.poses[row])
+        yaw = yaw_of(self.poses[row])
         self.poses[row] = _flat(x, y, top + half_z, yaw)
         self._support[row], self._carrier[row] = support, carrier
         if support == Support.TRAY:
             car = car_poses[carrier]
             u, v = _turned(x - car[0], y - car[1], -car[2])
             self._local[row] = _flat(u, v, top + half_z, yaw - car[2])
-
-
-def _yaw(pose: FloatArray) -> float:
-    """Direction of a box's own x axis, seen from above [rad]."""
-    _, _, _, qx, qy, qz, qw = pose
-    return math.atan2(2.0 * (qx * qy + qw * qz), 1.0 - 2.0 * (qy * qy + qz * qz))
 
 
 def _flat(x: float, y: float, z: float, yaw: float) -> FloatArray:

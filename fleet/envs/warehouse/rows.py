@@ -15,6 +15,7 @@ from numba import njit
 
 from fleet.arrays import FloatArray
 from fleet.envs.warehouse.run.agent_driver import AT_REST_RADPS
+from fleet.robots.angle import yaw_of
 from fleet.traffic.drivers import AT_REST_MPS
 from planners.motion.arm.kinematics import link_frames_into
 
@@ -384,7 +385,7 @@ def arm_rows(
                 turned += ground.turning[arm, j] * q[arm, j]
             at_tip = around(tip[0], tip[1], turned, is_ahead)
             at_parcel = around(px, py, 0.0, is_ahead)
-            yaw = _yaw(poses[parcel]) - base[arm, 3]
+            yaw = yaw_of(poses[parcel]) - base[arm, 3]
             turn = yaw - math.atan2(flange[1, 0], flange[0, 0])
             row[YAW_AT], row[YAW_AT + 1] = math.cos(turn), math.sin(turn)
             if wanted >= 0:
@@ -461,10 +462,3 @@ def around(x: float, y: float, side: float, is_ahead: bool) -> float:  # pragma:
     if abs(angle) > _BEFORE_RAD and angle * side < 0.0:
         angle += 2.0 * math.pi if side > 0.0 else -2.0 * math.pi
     return angle
-
-
-@njit(cache=True)
-def _yaw(pose: FloatArray) -> float:  # pragma: no cover - compiled
-    """Direction of a box's own x axis, seen from above [rad]."""
-    qx, qy, qz, qw = pose[3], pose[4], pose[5], pose[6]
-    return math.atan2(2.0 * (qx * qy + qw * qz), 1.0 - 2.0 * (qy * qy + qz * qz))

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fleet.arrays import BoolArray, FloatArray
+from fleet.robots.angle import wrapped_all
 
 GRAVITY_MPS2 = 9.81
 FALLEN_RAD = 0.7
@@ -113,7 +114,7 @@ class InertialEstimator:
         if c.fix_every_ticks and self._tick % c.fix_every_ticks == 0:
             sigma = np.array([c.fix_noise_m, c.fix_noise_m, c.fix_noise_rad])
             surprise = poses + sigma * rng.standard_normal((n, 3)) - self.poses
-            surprise[:, 2] = np.remainder(surprise[:, 2] + math.pi, 2.0 * math.pi) - math.pi
+            surprise[:, 2] = wrapped_all(surprise[:, 2])
             self.poses += c.place_gain * surprise
             self._known_bias -= c.bias_gain_per_s * surprise[:, 2]
         return self.poses.copy()
