@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fleet.recording.rerun_stream.palette import identity_colour
+from fleet.recording.rerun_stream.poses import at_height
 from fleet.run.view import RunView
 from fleet.terminal.pacing import NAP_S, Pace
 
@@ -109,9 +110,9 @@ class Display:
         stations = np.array([station.place.arm.pose[:2] for station in run.stations]).reshape(-1, 2)
         self._window.frame(run.scene.size_m)
         with self._window.held():
-            self._window.dots("lanes", _at_height(points, _LANE_Z_M), rgb, 2.0)
+            self._window.dots("lanes", at_height(points, _LANE_Z_M), rgb, 2.0)
             self._window.name_cars([f"car_{car}" for car in range(run.world.n_cars)], _NAME_Z_M)
-            self._window.name_places([station.name for station in run.stations], _at_height(stations, _STATION_Z_M))
+            self._window.name_places([station.name for station in run.stations], at_height(stations, _STATION_Z_M))
 
     def _draw_paths(self) -> None:
         run = self._run
@@ -122,7 +123,7 @@ class Display:
             dotted = [_dotted(line) for line in lines]
             points = np.concatenate([*dotted, np.empty((0, 2))])
             rgb = np.repeat(self._colors, [len(line) for line in dotted], axis=0)
-            self._window.dots(key, _at_height(points, height), rgb, size)
+            self._window.dots(key, at_height(points, height), rgb, size)
 
 
 def _dotted(line: FloatArray) -> FloatArray:
@@ -132,11 +133,6 @@ def _dotted(line: FloatArray) -> FloatArray:
     s_m = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
     at = np.arange(0.0, s_m[-1], _PATH_STEP_M)
     return np.column_stack([np.interp(at, s_m, line[:, 0]), np.interp(at, s_m, line[:, 1])])
-
-
-def _at_height(xy: FloatArray, z_m: float) -> FloatArray:
-    """Append a height to points on the floor, (k, 2) -> (k, 3)."""
-    return np.column_stack([xy, np.full(len(xy), z_m)])
 
 
 def _rgb(packed: int) -> tuple[float, float, float]:

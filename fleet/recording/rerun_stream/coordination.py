@@ -17,6 +17,7 @@ from fleet.recording.header import DrawnFloor
 from fleet.recording.index import index_of, set_time
 from fleet.recording.rerun_stream import palette
 from fleet.recording.rerun_stream.columns import Chunks, offsets_of, pairs, values, vectors
+from fleet.recording.rerun_stream.poses import at_height
 from fleet.world.scene import Scene
 
 GRANTED, PLANNED = "world/cells/granted", "world/cells/planned"
@@ -67,7 +68,7 @@ class Coordination:
         self._causes: set[str] = set()
         self._waits: Sequence[Wait] = ()
         self._told = _sentences({})
-        self._plates = {path: _at_height(floor.cell_xy, z).astype(np.float32) for path, z in _PLATE_Z.items()}
+        self._plates = {path: at_height(floor.cell_xy, z).astype(np.float32) for path, z in _PLATE_Z.items()}
         # A floor without cells has no plates; one without a place would lie in the corner.
         for path, half_m in _PLATE_M.items() if len(floor.cell_xy) else ():
             rec.log(path, rr.Boxes3D.from_fields(half_sizes=[(half_m, half_m, 0.001)], fill_mode="solid"), static=True)
@@ -116,8 +117,8 @@ class Coordination:
                 values("GraphNodes:labels", nodes, rows),
                 values("GraphNodes:colors", np.concatenate([look.colours for look in looks]), rows),
                 pairs("GraphEdges:edges", [wait.who for wait in waits], [wait.whom for wait in waits], edges),
-                vectors("Arrows3D:origins", _at_height(origins, _ARROW_Z), edges),
-                vectors("Arrows3D:vectors", _at_height(ends - origins, 0.0), edges),
+                vectors("Arrows3D:origins", at_height(origins, _ARROW_Z), edges),
+                vectors("Arrows3D:vectors", at_height(ends - origins, 0.0), edges),
                 values("Arrows3D:colors", np.concatenate([look.arrow_colours for look in looks]), edges),
                 values("TextDocument:text", [look.told for look in looks], offsets_of([1] * len(looks))),
             ],
@@ -178,7 +179,7 @@ class Coordination:
             self._rec.log(
                 f"{CONGESTION}/{cause}",
                 rr.Boxes3D.from_fields(
-                    centers=_at_height(centre, 0.003),
+                    centers=at_height(centre, 0.003),
                     half_sizes=np.column_stack([share / 2, np.full((len(cells), 2), (0.5, 0.001))]),
                     colors=(palette.cause_colour(cause) & 0xFFFFFF00) | alpha,
                 ),
@@ -293,7 +294,3 @@ def _owned(
             n += 1
         offsets[k // n_cells + 1] = n
     return centres, hues, offsets
-
-
-def _at_height(xy: npt.NDArray[np.floating], z: float) -> FloatArray:
-    return np.column_stack([xy.reshape(-1, 2), np.full(len(xy), z)])

@@ -27,6 +27,19 @@ _STRAIGHT_RAD = 1e-6
 """Below this steering angle the turning circle is taken as infinite."""
 
 
+def at_height(xy: Array, z_m: float) -> FloatArray:
+    """Put points of the floor at a height.
+
+    Args:
+        xy: Points [m], shape (k, 2), or (0,) for none.
+        z_m: Height [m].
+
+    Returns:
+        x, y, z [m], shape (k, 3).
+    """
+    return np.column_stack([xy.reshape(-1, 2), np.full(len(xy), z_m)])
+
+
 def quat_multiply(a: Array, b: Array) -> Array:
     """Products of quaternions xyzw, broadcast, shape (..., 4): first `b`, then `a`."""
     ax, ay, az, aw = np.moveaxis(a, -1, 0)

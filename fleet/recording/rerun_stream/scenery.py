@@ -8,7 +8,7 @@ import rerun as rr
 from fleet.charts.chart import round_step
 from fleet.recording.header import DrawnFloor
 from fleet.recording.rerun_stream import palette
-from fleet.recording.rerun_stream.poses import Part
+from fleet.recording.rerun_stream.poses import Part, at_height
 from fleet.robots.spec import CarSpec
 from fleet.world.scene import Scene
 
@@ -80,7 +80,7 @@ def log_scenery(rec: rr.RecordingStream, scene: Scene, floor: DrawnFloor) -> Non
         rec.log(
             LABELS,
             rr.Points3D(
-                _at_height(floor.station_xy + reach[:, None] * away, _LABEL_Z),
+                at_height(floor.station_xy + reach[:, None] * away, _LABEL_Z),
                 labels=list(floor.station_names),
                 colors=_colours([palette.LABEL]),
                 radii=0.01,
@@ -154,7 +154,7 @@ def _log_plates(rec: rr.RecordingStream, path: str, xy: np.ndarray, colour: int)
     rec.log(
         path,
         rr.Boxes3D(
-            centers=_at_height(xy, -0.008),
+            centers=at_height(xy, -0.008),
             half_sizes=[(0.42, 0.42, 0.008)] * len(xy),
             colors=_colours([colour] * len(xy)),
             fill_mode="solid",
@@ -174,7 +174,7 @@ def _log_ruler(rec: rr.RecordingStream, cell_xy: np.ndarray) -> None:
     rec.log(
         RULER,
         rr.Points3D(
-            _at_height(np.concatenate([left, top]), 0.0),
+            at_height(np.concatenate([left, top]), 0.0),
             labels=[str(number) for number in (*rows, *columns)],
             colors=_colours([palette.RULER]),
             radii=0.01,
@@ -192,11 +192,6 @@ def _chevrons(lanes: np.ndarray) -> np.ndarray:
     middle = lanes.mean(axis=1)
     points = np.stack([middle - along + aside, middle + along, middle - along - aside], axis=1)
     return np.concatenate([points, np.full((len(lanes), 3, 1), 0.005)], axis=2)
-
-
-def _at_height(xy: np.ndarray, z: float) -> np.ndarray:
-    """Append a height to points on the floor, (k, 2) -> (k, 3)."""
-    return np.column_stack([xy, np.full(len(xy), z)])
 
 
 def _colours(packed: list[int]) -> np.ndarray:
