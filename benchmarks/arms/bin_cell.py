@@ -14,6 +14,7 @@ from fleet.robots.cars.racecar import racecar_spec
 from fleet.robots.tools import TOOLS
 from fleet.sensors.boxes import SeenBox
 from fleet.sensors.camera import Camera, CameraImage
+from fleet.stations.arms.arm_motions import backwards
 from fleet.stations.arms.arm_spheres import arm_spheres
 from fleet.world.bullet.world import BulletWorld
 from fleet.world.protocol import ParcelBody
@@ -199,9 +200,9 @@ class BinCell:
             self._play(segment, grip=False)
         self._wait(GRIP_S, grip=True)
         if self.world.held()[0] != box.label:
-            self._play(_reversed(there.segments[-1]), grip=False)
+            self._play(backwards(there.segments[-1]), grip=False)
             return "the cup holds nothing" if self.world.held()[0] < 0 else "the cup holds another parcel"
-        self._play(_reversed(there.segments[-1]), grip=True)
+        self._play(backwards(there.segments[-1]), grip=True)
         # The tool points down on the table, whatever the parcel leaned like: its own tilt stays in the grip.
         height_m = min(box.size_m[2], math.sqrt(3) * EDGE_M[1]) + CUP_GAP_M + RELEASE_M
         down = self._tips(np.array([*TABLE_M, FLOOR_Z_M + height_m]), np.array([0.0, 0.0, 1.0]))
@@ -219,7 +220,7 @@ class BinCell:
         self._play(lower, grip=True)
         dropped = self.world.held()[0] != box.label
         self._wait(0.2)
-        self._play(_reversed(lower), grip=False)
+        self._play(backwards(lower), grip=False)
         return "the parcel was dropped on the way" if dropped else ""
 
     def _tips(self, at_m: FloatArray, normal: FloatArray) -> FloatArray:
@@ -283,11 +284,6 @@ def _boxes() -> list[StaticBox]:
 def _within(pose: FloatArray, centre: tuple[float, float], half: tuple[float, float]) -> bool:
     inside = np.abs(pose[:2] - centre) <= half
     return bool(inside.all() and pose[2] > FLOOR_Z_M)
-
-
-def _reversed(segment: Trajectory) -> Trajectory:
-    """The same motion backwards."""
-    return Trajectory(t=segment.t, q=segment.q[::-1].copy(), qd=-segment.qd[::-1])
 
 
 def _matrix(quat_xyzw: list[float]) -> FloatArray:

@@ -20,6 +20,7 @@ from planners.motion.arm.kinematics import flange_from_tip
 from planners.motion.arm.spheres import box_spheres
 from planners.motion.collision.collision import CollisionChecker
 from planners.motion.path.route import Route, RoutePlanner, RouteProblem
+from planners.motion.problem import path_length
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -99,7 +100,7 @@ def measure_plans(trial: Trial) -> Iterable[Row]:
     count = QUICK_COMPARED if trial.quick else N_COMPARED
     picked = [k for k in range(0, n, max(1, n // count)) if routes[k].solved][:count]
     ratios = [
-        _length(routes[k].travel)
+        path_length(routes[k].travel)
         / _reference_rad(bench, routes[k], k, QUICK_REFERENCE_S if trial.quick else REFERENCE_S)
         for k in picked
     ]
@@ -187,10 +188,6 @@ def _digest(route: Route) -> str:
     return hashlib.sha256(b"".join(array.tobytes() for array in [*paths, *timed])).hexdigest()
 
 
-def _length(path: FloatArray) -> float:
-    return float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
-
-
 def _reference_rad(bench: Bench, route: Route, seed: int, limit_s: float) -> float:
     """Length of AORRTC's path after some CPU time, from where the straight way out ends to the same goals."""
     goals = route.goals if route.goals is not None else route.travel[-1:]
@@ -201,4 +198,4 @@ def _reference_rad(bench: Bench, route: Route, seed: int, limit_s: float) -> flo
         return lambda: time.process_time() > end_s
 
     path = OmplPlanner("AORRTC").search(problem, goals, budget)
-    return np.inf if path is None else _length(path)
+    return np.inf if path is None else path_length(path)

@@ -51,6 +51,11 @@ class MotionProblem:
         checks.whole("MotionProblem: max_iterations", self.max_iterations, 0, _MOST_ITERATIONS)
 
 
+def path_length(path: FloatArray) -> float:
+    """Joint-space length of a piecewise straight path [rad]; its corners have shape (k, n)."""
+    return float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MotionResult:
     """Outcome of a motion query."""
@@ -69,7 +74,7 @@ class MotionResult:
     @property
     def length_rad(self) -> float:
         """Joint-space length of the path [rad]."""
-        return float(np.linalg.norm(np.diff(self.path, axis=0), axis=1).sum())
+        return path_length(self.path)
 
 
 class MotionPlanner(Protocol):

@@ -14,7 +14,7 @@ from ompl import util as ou
 from planners.errors import PlanningError
 from planners.motion.arrays import FloatArray
 from planners.motion.collision.collision import CollisionChecker
-from planners.motion.problem import MotionProblem, MotionResult, settle_early
+from planners.motion.problem import MotionProblem, MotionResult, path_length, settle_early
 from planners.motion.search.rrt_connect_config import RrtConnectConfig
 from planners.motion.search.search_tree import SearchTree
 from planners.motion.search.shortcut import shorten
@@ -169,14 +169,14 @@ class OmplPlanner:
         nearer = goals[distance < shortest]
         if len(nearer) and self.name not in ONE_GOAL:
             path = self._search(problem, nearer, budget(1.0))
-            return path if path is not None and _length(path) < shortest else best
+            return path if path is not None and path_length(path) < shortest else best
         turns = min(len(nearer), GOALS_IN_TURN)
         for goal in nearer[:turns]:
             if np.linalg.norm(goal - problem.start) >= shortest:
                 break
             path = self._search(problem, goal[None], budget(1.0 / turns))
-            if path is not None and _length(path) < shortest:
-                best, shortest = path, _length(path)
+            if path is not None and path_length(path) < shortest:
+                best, shortest = path, path_length(path)
         return best
 
     def _search(self, problem: MotionProblem, goals: FloatArray, spent: Callable[[], bool]) -> FloatArray | None:
@@ -235,10 +235,6 @@ def _tree(planner: ob.Planner, si: ob.SpaceInformation, n: int) -> SearchTree:
     vertices = np.array([data.getVertex(k).getState()[0:n] for k in range(count)]).reshape(-1, n)
     edges = [(k, m) for k in range(count) for m in data.getEdges(k)]
     return SearchTree(vertices=vertices, edges=np.array(edges, dtype=np.int64).reshape(-1, 2))
-
-
-def _length(path: FloatArray) -> float:
-    return float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
 
 
 def _state(si: ob.SpaceInformation, q: FloatArray) -> ob.State:
