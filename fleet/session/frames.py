@@ -138,6 +138,7 @@ class Watch:
 
     Args:
         run: The run.
+        figures: What is counted and measured of the run.
         recorder: Takes the frames.
         lidar: Whether cars scan around themselves with a lidar, for the recording only.
         internals: Whether what the planners think is recorded: priorities of cars, search trees of arms.

@@ -64,7 +64,11 @@ class Layout:
 
 
 def sort_layout(seed: int, objects: int = 9) -> Layout:
-    """One arm; cubes, spheres and cylinders lie in front of it and belong left, right and behind."""
+    """One arm; cubes, spheres and cylinders lie in front of it and belong left, right and behind.
+
+    Raises:
+        TabletopError: The seed or the number of things is outside its range.
+    """
     _check("seed", seed, 0, _MOST_SEED)
     _check("--objects", objects, 1, 10)
     rng = np.random.default_rng(seed)
@@ -87,7 +91,11 @@ def sort_layout(seed: int, objects: int = 9) -> Layout:
 
 
 def pair_layout(seed: int, objects: int = 10) -> Layout:
-    """Two arms side by side; cubes and cylinders lie between them, each arm brings one kind to its own side."""
+    """Two arms side by side; cubes and cylinders lie between them, each arm brings one kind to its own side.
+
+    Raises:
+        TabletopError: The seed or the number of things is outside its range.
+    """
     _check("seed", seed, 0, _MOST_SEED)
     _check("--objects", objects, 1, 12)
     rng = np.random.default_rng(seed)
@@ -106,7 +114,11 @@ def pair_layout(seed: int, objects: int = 10) -> Layout:
 
 
 def tray_layout(seed: int, objects: int = 6) -> Layout:
-    """One Panda; objects of `random_urdfs` lie in a tray in front of it and belong into a box beside it."""
+    """One Panda; objects of `random_urdfs` lie in a tray in front of it and belong into a box beside it.
+
+    Raises:
+        TabletopError: The seed or the number of things is outside its range, or the data of pybullet are missing.
+    """
     _check("seed", seed, 0, _MOST_SEED)
     _check("--objects", objects, 1, 8)
     rng = np.random.default_rng(seed)

@@ -125,7 +125,11 @@ class CellTable:
             ) from None
 
     def cells(self, n: int, grid: GridMap, *, most: int | None) -> tuple[Ints, Ints]:
-        """Read n entries of at most `most` cells each: their CSR, shapes (n + 1,) and (k,)."""
+        """Read n entries of at most `most` cells each: their CSR, shapes (n + 1,) and (k,).
+
+        Raises:
+            LeagueError: An entry is missing or malformed, or a cell is not on the free floor; names the line.
+        """
         ptr, cells = [0], []
         for number, line in self._entries:
             if len(self.lines) == n:

@@ -27,6 +27,13 @@ def behind_the_base(*near_rad: float, z_m: float = HOME_TIP_M[1]) -> Home:
     Args:
         near_rad: The guess, one angle for each joint.
         z_m: Height of the tip over the base, where it is not the usual one.
+
+    Returns:
+        What finds the rest position.
+
+    Raises:
+        ArmDescriptionError: By what is returned, of a guess for another number of joints, or from which descent finds
+            no such posture.
     """
 
     def home(base_from_joint: FloatArray, lower: FloatArray, upper: FloatArray, tool_length_m: float) -> FloatArray:

@@ -239,6 +239,7 @@ class FrictionGrip:
     Args:
         client: Connection.
         arms: The arms.
+        parcels: The parcels.
         force_n: Force limit of each arm's leading finger [N].
         touched: Parcels that each arm's links touch: ``touched[arm][link]`` is a set of parcel ids, kept by the caller.
     """

@@ -182,6 +182,10 @@ def assemble(
 
     Returns:
         The arm model.
+
+    Raises:
+        PlanningError: Shapes do not fit, no spheres, a part that the arm does not have, or limits that are not finite
+            or not in order.
     """
     n = len(joint_rows(base_from_joint))
     if not covers or not all(0 <= part <= n + 1 for part, _, _ in covers):

@@ -336,7 +336,11 @@ class SrsGeometry(SevenJointArm):
         return geometry
 
     def within_limits(self, q: npt.ArrayLike) -> bool:
-        """Whether one configuration (7,) respects the joint limits."""
+        """Whether one configuration (7,) respects the joint limits.
+
+        Raises:
+            PlanningError: It has another shape, or is no numbers.
+        """
         angles = checks.floats("q", q)
         if angles.shape != (N_JOINTS,):
             raise PlanningError(f"q: shape {angles.shape}; valid: ({N_JOINTS},)")

@@ -186,6 +186,9 @@ def flange_from_tip(base_from_tip: npt.ArrayLike, tool_length_m: float) -> Float
 
     Returns:
         Pose of the last link frame in the base frame, shape (4, 4).
+
+    Raises:
+        PlanningError: No numbers, or of another shape.
     """
     flange = checks.floats("base_from_tip", base_from_tip).copy()
     if flange.shape != (4, 4):

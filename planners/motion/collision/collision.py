@@ -178,6 +178,9 @@ class CollisionChecker:
         """Whether one configuration (n,) is free of obstacles (with margin) and of itself; limits are not looked at.
 
         What is not finite is not free.
+
+        Raises:
+            PlanningError: It has another shape, or is no numbers.
         """
         return checks_from_python().state_free(self._angles(q), self.scene)
 
@@ -185,11 +188,18 @@ class CollisionChecker:
         """Whether the straight joint-space motion from a (n,) to b (n,) is free; `a` itself is taken as free.
 
         What is not finite is not free, nor is a motion of more than 40 rad.
+
+        Raises:
+            PlanningError: An end has another shape, or is no numbers.
         """
         return checks_from_python().edge_free(self._angles(a), self._angles(b), self.scene)
 
     def path_free(self, path: npt.ArrayLike) -> bool:
-        """Whether a piecewise straight path (m, n) is free, its first configuration included."""
+        """Whether a piecewise straight path (m, n) is free, its first configuration included; an empty one is not.
+
+        Raises:
+            PlanningError: The path has another shape, or is no numbers.
+        """
         points = checks.floats("path", path)
         if points.ndim and len(points) == 0:
             return False
@@ -198,7 +208,11 @@ class CollisionChecker:
         return bool(path_free(points, self.scene))
 
     def batch(self, q: npt.ArrayLike) -> BoolArray:
-        """`free` for many configurations (m, n), shape (m,)."""
+        """`free` for many configurations (m, n), shape (m,).
+
+        Raises:
+            PlanningError: They have another shape, or are no numbers.
+        """
         angles = checks.floats("q", q)
         if angles.ndim != 2 or angles.shape[1:] != self._shape:
             raise PlanningError(f"q: shape {angles.shape}; valid: (m, {self._shape[0]})")
@@ -207,11 +221,19 @@ class CollisionChecker:
         return out
 
     def clearance(self, q: npt.ArrayLike) -> float:
-        """Smallest distance from any sphere to any obstacle [m]; negative when they overlap, infinite without any."""
+        """Smallest distance from any sphere to any obstacle [m]; negative when they overlap, infinite without any.
+
+        Raises:
+            PlanningError: Not one finite number per joint.
+        """
         return float(clearance(checks.vector("q", q, *self._shape), self.scene))
 
     def sphere_centres(self, q: npt.ArrayLike) -> FloatArray:
-        """Sphere centres of arm and held parcel in the base frame [m], shape (k, 3)."""
+        """Sphere centres of arm and held parcel in the base frame [m], shape (k, 3).
+
+        Raises:
+            PlanningError: Not one finite number per joint.
+        """
         points = np.empty((self.n_spheres, 3))
         spheres_at(checks.vector("q", q, *self._shape), self.scene, points)
         return points

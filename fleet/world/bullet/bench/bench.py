@@ -73,7 +73,11 @@ class ArmBench:
         self.client.stepSimulation()
 
     def add_box(self, centre_m: npt.ArrayLike, half_m: npt.ArrayLike, yaw_rad: float = 0.0) -> int:
-        """Put a fixed box into the engine: centre (3,), half edges (3,) [m]; gives its body."""
+        """Put a fixed box into the engine: centre (3,), half edges (3,) [m]; gives its body.
+
+        Raises:
+            ControlError: Not three finite numbers, a half edge that is not > 0, or a yaw that is not finite.
+        """
         client = self.client
         half, centre = checked("half_m", half_m, 3, "m"), checked("centre_m", centre_m, 3, "m")
         if not np.all(half > 0):
