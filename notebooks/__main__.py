@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from fleet.whole_file import takes_file, write_whole
+from fleet.whole_file import require_place, write_whole
 
 HERE = Path(__file__).parent
 OUT = Path("build") / "notebooks"
@@ -168,8 +168,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             raise NotebookError(f"there is no notebook {unknown[0]!r}; valid: {', '.join(names)}")
         require_kernel()
         told.out.mkdir(parents=True, exist_ok=True)
-        if not takes_file(told.out / "page.html"):
-            raise NotebookError(f"--out {told.out} cannot be written; valid: {_WRITABLE}")
+        require_place(told.out / "page.html")
     except OSError as error:
         print(f"--out {told.out}: {error.strerror or error}; valid: {_WRITABLE}", file=sys.stderr)
         return REFUSED

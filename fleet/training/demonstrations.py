@@ -152,12 +152,12 @@ def demonstrate(path: Path, env: Any, policy: Policy, seeds: Sequence[int]) -> i
     found = {}
     for name, samples in told.items():
         if samples:
-            actions = np.stack([np.asarray(one[2]) for one in samples])
+            done = np.stack([np.asarray(one[2]) for one in samples])
             found[name] = Demonstration(
                 rows=np.stack([one[0] for one in samples]).astype(np.float32),
                 mask=np.stack([one[1] for one in samples]) if kinds[name].masked else None,
-                actions=actions,
-                worths=_worths([one[3] for one in samples], actions),
+                actions=done,
+                worths=_worths([one[3] for one in samples], done),
             )
     write_demonstrations(path, found)
     return sum(len(one.actions) for one in found.values())
