@@ -60,7 +60,8 @@ class _Env(DispatchEnv):
         self._simulation = simulation
 
     def look(self) -> dict[str, Any]:
-        """What the cars see now."""
+        """What the cars see now; of the episode has passed what has passed of the run, however often they are asked."""
+        self.n_steps = min(int(self._simulation.sim_s / self.config.step_s), self.max_cycles - 2)
         return self._observations()
 
     def _fleet_of(self, orders: tuple[Delivery, ...], seed: int, duration_s: float) -> _Fleet:
@@ -140,5 +141,5 @@ def dispatch_config(simulation: Simulation, settings: Mapping[str, Any]) -> Disp
     config = simulation.config
     decision_s = float(settings.get("decision_s", DispatchConfig.decision_s))
     of_run = {"site": config.site, "n_cars": config.robots, "fidelity": str(config.fidelity)}
-    # An episode is as long as the run, which tells the policy how much is left.
-    return DispatchConfig.of({**settings, **of_run, "max_cycles": max(1, round(config.duration_s / decision_s))})
+    # An episode is a step longer than the run, which tells the policy how much is left, and ends the episode.
+    return DispatchConfig.of({**settings, **of_run, "max_cycles": max(1, round(config.duration_s / decision_s)) + 1})

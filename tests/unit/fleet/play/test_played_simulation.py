@@ -11,6 +11,7 @@ import pytest
 
 from fleet.arrays import FloatArray
 from fleet.config import ArmConfig, Fidelity, RunConfig
+from fleet.envs.dispatch.env import DispatchConfig
 from fleet.envs.policies import Policy
 from fleet.envs.warehouse.rows import NEIGHBOURS_AT, STATION_AT, STOP_AT
 from fleet.insight.metrics import Summary
@@ -97,6 +98,15 @@ def test_policies_of_dispatch_and_traffic_do_all_the_work(fidelity: Fidelity) ->
     for one in policies.values():
         assert one.decisions.policy_share == 1.0
     assert policies["dispatch"].decisions.n_granted == 6
+
+
+def test_a_fleet_that_asks_more_often_than_once_a_step_is_answered_to_the_end() -> None:
+    """The episode of the policy ended when it had been asked as often as it has steps, and the run broke off."""
+    dispatch = played_policy("dispatch", "nearest", 0)
+    settings: dict[str, Any] = {"site": "small", "robots": 6, "n_tasks": 20, "duration_s": 60.0}
+    summary, _ = played({"dispatch": dispatch}, **settings, fidelity=Fidelity.GRID)
+    assert summary.sim_s == pytest.approx(60.0)
+    assert dispatch.decisions.n_policy > 60.0 / DispatchConfig.decision_s
 
 
 def test_the_same_seed_is_the_same_run() -> None:
