@@ -27,6 +27,23 @@ def require_file(option: str, path: Path | None) -> None:
         raise ConfigError(f"{option} {path}: {error.strerror}; valid: a file that can be written") from error
 
 
+def require_other(option: str, path: Path | None, *inputs: Path) -> None:
+    """Refuse an output that would take the place of an input.
+
+    Args:
+        option: What the command calls the output.
+        path: The file; None = there is to be none.
+        inputs: Files that are read; those that are not there do not count.
+
+    Raises:
+        ConfigError: It is one of them.
+    """
+    if path is None or not path.exists():
+        return
+    if any(one.exists() and one.samefile(path) for one in inputs):
+        raise ConfigError(f"{option} is {str(path)!r}; valid: another file than what is read")
+
+
 def require_file_below(option: str, path: Path | None) -> None:
     """See that a file can be written whose folder will be made if it is missing; leaves nothing behind.
 

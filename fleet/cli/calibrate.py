@@ -13,7 +13,7 @@ from rich.table import Table
 
 from fleet.cli.run_output import plain_console
 from fleet.config import require
-from fleet.outputs import require_file_below
+from fleet.outputs import require_file_below, require_other
 from fleet.whole_file import write_whole
 
 if TYPE_CHECKING:
@@ -61,6 +61,7 @@ class Calibrate:
             drive = drive_of(recording, bench) if self.drive == "auto" else Drive(self.drive)
             replay = MotionReplay(bench, recording, drive, self.frequency)
             require_file_below("--out", self.out)
+            require_other("--out", self.out, self.trajectory)
             console = plain_console()
             console.print(
                 f"{self.trajectory}: {len(recording.t)} rows, {recording.t[-1]:.2f} s, {bench.drive.n} joints; "

@@ -12,6 +12,7 @@ from rich.table import Table
 from fleet.cli.run_output import PLAIN_WIDTH, plain_console, show_recording
 from fleet.config import require
 from fleet.errors import ConfigError
+from fleet.outputs import require_other
 
 if TYPE_CHECKING:
     from fleet.report.difference import Difference, Pair
@@ -42,7 +43,7 @@ class Diff:
 
     def run(self) -> int:
         """Compare and print; returns the exit status."""
-        from fleet.recording.run_file import RECORDING
+        from fleet.recording.run_file import RECORDING, RUN_FILES
         from fleet.report.difference import difference
         from fleet.report.loaded_run import load_run
 
@@ -50,6 +51,7 @@ class Diff:
             require(path.is_dir(), option, str(path), "the --out directory of a run")
         if self.a.samefile(self.b):
             raise ConfigError(f"B is {str(self.b)!r}, the same run as A; valid: another run")
+        require_other("--out", self.out, *(folder / name for folder in (self.a, self.b) for name in RUN_FILES))
         a, b = load_run(self.a), load_run(self.b)
         found = difference(a, b)
         console = plain_console(columns=PLAIN_WIDTH)

@@ -30,7 +30,7 @@ EVENTS = "run.jsonl"
 RESULT = "result.json"
 VIOLATION = "violation.json"
 DECISIONS = "decisions.json"
-_FILES = (RECORDING, EVENTS, TRACE, RESULT, DECISIONS, VIOLATION)
+RUN_FILES = (RECORDING, EVENTS, TRACE, RESULT, DECISIONS, VIOLATION)
 _FIGURES = "the figures of a run as one JSON object"
 _SOURCE = Path(__file__).resolve().parents[2]
 _PACKAGES = (
@@ -135,7 +135,7 @@ def prepare_output(directory: Path) -> Path:
                 path.rmdir()
         reason = error.strerror or str(error)
         raise OutputError(f"--out {directory}: {reason}; valid: a directory that can be written") from error
-    old = [directory / name for name in _FILES]
+    old = [directory / name for name in RUN_FILES]
     for path in old:
         if path.is_dir():
             raise OutputError(f"--out {directory}: {path.name} is a directory; valid: a file, or nothing there")
@@ -149,7 +149,7 @@ def prepare_output(directory: Path) -> Path:
 
 def discard_output(directory: Path) -> None:
     """Remove the files of a run that could not begin."""
-    for name in _FILES:
+    for name in RUN_FILES:
         (directory / name).unlink(missing_ok=True)
 
 

@@ -12,6 +12,7 @@ import tyro
 from fleet.cli.recordings.run_recording import run_of
 from fleet.cli.run_output import plain_console
 from fleet.config import require
+from fleet.outputs import require_other
 
 MOST_HZ = 1000.0
 
@@ -29,12 +30,14 @@ class Export:
 
     def run(self) -> int:
         """Make the run again and write it down; one that does not come out the same raises."""
+        from fleet.recording.run_file import RUN_FILES
         from fleet.replay.again import load_recorded
         from fleet.replay.export import export_mcap
         from fleet.terminal.progress_bar import Bar
 
         require(0.0 < self.rate_hz <= MOST_HZ, "--rate-hz", self.rate_hz, f"a number > 0, at most {MOST_HZ:g}")
         folder = run_of(self.folder)
+        require_other("--mcap", self.mcap, *(folder / name for name in RUN_FILES))
         recorded = load_recorded(folder)
         n_ticks = recorded.run.trace.n_ticks
         with Bar(n_ticks, "ticks", shown=sys.stdout.isatty()) as bar:
