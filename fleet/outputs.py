@@ -27,13 +27,14 @@ def require_file(option: str, path: Path | None) -> None:
         raise ConfigError(f"{option} {path}: {error.strerror}; valid: a file that can be written") from error
 
 
-def require_other(option: str, path: Path | None, *inputs: Path) -> None:
+def require_other(option: str, path: Path | None, *inputs: Path, than: str = "what is read") -> None:
     """Refuse an output that would take the place of an input.
 
     Args:
         option: What the command calls the output.
         path: The file; None = there is to be none.
         inputs: Files that are read; those that are not there do not count.
+        than: What they are, in words.
 
     Raises:
         ConfigError: It is one of them.
@@ -41,7 +42,7 @@ def require_other(option: str, path: Path | None, *inputs: Path) -> None:
     if path is None or not path.exists():
         return
     if any(one.exists() and one.samefile(path) for one in inputs):
-        raise ConfigError(f"{option} is {str(path)!r}; valid: another file than what is read")
+        raise ConfigError(f"{option} is {str(path)!r}; valid: another file than {than}")
 
 
 def require_file_below(option: str, path: Path | None) -> None:

@@ -158,7 +158,7 @@ class EnvBatch:
             for name in rows:
                 self.env_of[name][list(rows[name].values())] = index
         self._n_state = n_state
-        self.views = self._blank()
+        self.views = blank_views(self.types, self._n_rows, self._n_state)
         """What is seen now, by type; changed in place."""
         n_envs = len(self.envs)
         self._lengths, self._cuts = [0] * n_envs, [0] * n_envs
@@ -256,7 +256,7 @@ class EnvBatch:
                     outcome.truncated[name][row] = not terminations[agent]
             self._returns[index][name] += total / len(rows)
             if outcome.truncated[name].any():
-                outcome.last = outcome.last or self._blank()
+                outcome.last = outcome.last or blank_views(self.types, self._n_rows, self._n_state)
         if outcome.last and (over or cut or any(truncations.values())):
             self._see(index, observations, outcome.last)
         if over:
@@ -277,9 +277,6 @@ class EnvBatch:
         self.observations[index] = dict(observations)
         self._see(index, observations, self.views)
 
-    def _blank(self) -> dict[str, TypeView]:
-        return {kind.name: blank_view(kind, self._n_rows[kind.name], self._n_state) for kind in self.types}
-
     def _see(self, index: int, observations: Mapping[str, Any], views: dict[str, TypeView]) -> None:
         state = self.envs[index].state() if self._n_state else None
         for kind in self.types:
@@ -299,8 +296,12 @@ class EnvBatch:
                     view.state[row, : len(state)] = state
 
 
-def blank_view(kind: AgentType, n_rows: int, n_state: int = 0) -> TypeView:
-    """A view in which nobody sees anything."""
+def blank_views(types: Sequence[AgentType], n_rows: Mapping[str, int], n_state: int) -> dict[str, TypeView]:
+    """Views by type, of so many rows, in which nobody sees anything."""
+    return {kind.name: _blank_view(kind, n_rows[kind.name], n_state) for kind in types}
+
+
+def _blank_view(kind: AgentType, n_rows: int, n_state: int) -> TypeView:
     mask = np.ones((n_rows, int(kind.action.n)), dtype=np.bool_) if isinstance(kind.action, Discrete) else None
     return TypeView(
         rows=np.zeros((n_rows, kind.n_observed), dtype=np.float32),

@@ -16,7 +16,7 @@ from fleet.training.batch import (
     Floats,
     TypeView,
     agent_types,
-    blank_view,
+    blank_views,
     masks_of,
     team_of,
     types_of,
@@ -69,7 +69,7 @@ class VectorBatch:
             for members in self._members
         ]
         """By `VecEnv` and type: the row of each agent, environment after environment."""
-        self.views = self._blank()
+        self.views = blank_views(self.types, self._n_rows, self._n_state)
         """What is seen now, by type; changed in place."""
         self._lengths = np.zeros(len(dealt), dtype=np.int64)
         self._cuts = np.zeros(len(dealt), dtype=np.int64)
@@ -120,7 +120,7 @@ class VectorBatch:
                     sums[members] += infos[figure].sum(axis=1)
         if (step.truncated | cut).any():
             # Of those that were cut off it is what is seen now, of the others what was seen before the next began.
-            outcome.last = outcome.last or self._blank()
+            outcome.last = outcome.last or blank_views(self.types, self._n_rows, self._n_state)
             self._see(k, step, self._state(vec), outcome.last)
             if step.final is not None:
                 self._see(k, step.final, step.final_state, outcome.last, step.ended)
@@ -144,9 +144,6 @@ class VectorBatch:
 
     def _pairs(self) -> list[tuple[VecEnv, npt.NDArray[np.int64]]]:
         return list(zip(self._vecs, self._members, strict=True))
-
-    def _blank(self) -> dict[str, TypeView]:
-        return {kind.name: blank_view(kind, self._n_rows[kind.name], self._n_state) for kind in self.types}
 
     def _state(self, vec: VecEnv) -> Floats | None:
         return vec.state() if self._n_state else None

@@ -15,7 +15,7 @@ MAP = "type octile\nheight 3\nwidth 3\nmap\n...\n...\n...\n"
     ("words", "option"),
     [
         (["site", "convert", "it", "it"], "OUT"),
-        (["site", "export", "it", "it", "--format", "lif"], "FILE"),
+        (["site", "export", "--format", "lif", "it", "it"], "FILE"),
         (["site", "import", "it", "--format", "lif", "--out", "it"], "--out"),
         (["site", "check", "it", "--graphml", "it"], "--graphml"),
         (["layout", "drive", "it", "--record", "it"], "--record"),
@@ -38,8 +38,6 @@ def test_inputs_are_kept(
     with pytest.raises(SystemExit) as ended:
         main(words)
     assert ended.value.code == 2
-    assert f"{option} is '{words[-1] if words[-1] != 'lif' else 'it'}'; valid: another file than what is read" in (
-        capsys.readouterr().err
-    )
+    assert f"{option} is '{words[-1]}'; valid: another file than what is read" in capsys.readouterr().err
     assert Path("it").read_text(encoding="utf-8") == MAP
     assert Path("a", "run.trace").read_text(encoding="utf-8") == MAP
