@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import shlex
 from collections.abc import Iterator
 from contextlib import contextmanager, redirect_stdout
 from dataclasses import dataclass
@@ -13,7 +14,7 @@ import tyro
 from rich.console import Console
 from rich.table import Table
 
-from fleet.cli.arguments import require_solver
+from fleet.cli.arguments import require_solver, require_with
 from fleet.cli.run_output import PLAIN_WIDTH, plain_console
 from fleet.config import Fidelity, StreamConfig, StreamKind, require
 from fleet.config.member_settings import file_settings, member_settings
@@ -67,10 +68,11 @@ class Study:
     """How robots are moved."""
     duration: float = 1200.0
     """Simulated time of each run [s]."""
-    stream: str = "poisson"
-    """How orders arrive, with due dates and priorities: poisson, waves, skewed or skewed_waves."""
+    stream: str | None = None
+    """How orders arrive, with due dates and priorities: poisson, waves, skewed or skewed_waves; default poisson."""
     rate: float | None = None
-    """Orders per hour; default 90 for each car of the largest fleet, more than it can deliver."""
+    """Orders per hour; default 90 for each car of the largest fleet, more than it can deliver, and with --resume what
+    the study has."""
     orders: Path | None = None
     """File of orders in place of a stream, as in the demo."""
     battery: bool = False
@@ -92,20 +94,21 @@ class Study:
     out: Path = Path("runs/study")
     """Directory for study.csv, study.html and the plots."""
     resume: bool = False
-    """Keep the runs that are in the directory already, and do the others."""
+    """Keep the runs that are in the directory already, and do those that are missing; allocators, sizes and seeds may
+    be others than before."""
 
     def run(self) -> int:
         """Run and print the findings; returns the exit status."""
         require(self.seeds >= 1, "--seeds", self.seeds, "an integer >= 1")
         require(0.0 < self.duration < 1e6, "--duration", self.duration, "a number > 0, at most a million")
         require(self.jobs is None or self.jobs >= 1, "--jobs", self.jobs, "an integer >= 1")
-        require(self.stream in list(StreamKind), "--stream", self.stream, ", ".join(StreamKind))
-        require(self.rate is None or self.orders is None, "--rate", self.rate, "without --orders")
+        require(self.stream in (None, *StreamKind), "--stream", self.stream, ", ".join(StreamKind))
+        for option, given in (("--stream", self.stream), ("--rate", self.rate)):
+            require_with(option, given is not None, self.orders is None, "without --orders")
         require(
             self.ray_address is None or self.backend == "ray", "--ray-address", self.ray_address, "with --backend ray"
         )
         robots = parse_range(self.robots, "--robots")
-        rate_per_h = ORDERS_PER_CAR_H * max(robots) if self.rate is None else self.rate
         allocators = parse_names(self.allocators, "--allocators")
         for allocator in allocators:
             require_solver("--allocators", allocator)
@@ -116,7 +119,9 @@ class Study:
             site=self.site,
             fidelity=Fidelity(self.fidelity),
             duration_s=self.duration,
-            stream=StreamConfig(kind=StreamKind(self.stream), rate_per_h=rate_per_h),
+            stream=StreamConfig(
+                kind=StreamKind(self.stream or StreamKind.POISSON), rate_per_h=self._rate_per_h(robots)
+            ),
             orders=self.orders,
             planner=self.planner,
             planner_settings=member_settings(self.settings, "planner", self.planner, self.planner_setting),
@@ -125,7 +130,7 @@ class Study:
             },
             battery=self.battery,
         )
-        # The planners take a second to load: only for runs, not for --help.
+        # Planners take a second to load: only for runs, not for --help.
         from fleet.study.study import check, run_study
 
         check(design)
@@ -151,11 +156,21 @@ class Study:
             )
         console = plain_console(columns=PLAIN_WIDTH)
         if outcome.rows:
-            self._show(console, outcome)
+            self._show(console, outcome, design)
         if outcome.n_open:
-            console.print(f"interrupted: {outcome.n_open} runs are missing; --resume does them", soft_wrap=True)
+            missing = "1 run is missing" if outcome.n_open == 1 else f"{outcome.n_open} runs are missing"
+            console.print(f"interrupted: {missing}; --resume does what is left", soft_wrap=True)
             return INTERRUPTED
         return COMPLETE
+
+    def _rate_per_h(self, robots: tuple[int, ...]) -> float:
+        if self.rate is not None:
+            return self.rate
+        if self.resume:
+            from fleet.study.study import kept_rate
+
+            return kept_rate(self.out)
+        return ORDERS_PER_CAR_H * max(robots)
 
     @contextmanager
     def _backend(self) -> Iterator[Backend]:
@@ -172,20 +187,21 @@ class Study:
         with redirect_stdout(io.StringIO()), ray_cluster(self.ray_address, self.jobs):
             yield run_on_ray
 
-    def _words(self) -> str:
+    def _words(self, design: Design) -> str:
         """The options that decide the rows, as they are typed."""
         said = []
         for name in DECIDING:
             value, option = getattr(self, name), f"--{name.replace('_', '-')}"
+            if name == "rate" and self.resume and self.orders is None:
+                value = design.stream.rate_per_h
             if value is True:
                 said.append(option)
-            elif isinstance(value, tuple):
-                said += [f"{option} {each}" for each in value]
             elif value not in (None, False):
-                said.append(f"{option} {value:g}" if isinstance(value, float) else f"{option} {value}")
-        return " ".join(said)
+                for each in value if isinstance(value, tuple) else (value,):
+                    said += [option, f"{each}".removesuffix(".0") if isinstance(each, float) else f"{each}"]
+        return shlex.join(said)
 
-    def _show(self, console: Console, outcome: Outcome) -> None:
+    def _show(self, console: Console, outcome: Outcome, design: Design) -> None:
         from fleet.study.conclusions import sentences
         from fleet.study.page import PAGE, charts, write_page
 
@@ -195,7 +211,9 @@ class Study:
             plot.write_png(self.out / f"{name}.png")
         title = f"{Path(self.site).stem}: fleet size and allocation"
         seeds = f"{self.seeds} seed{'s' if self.seeds > 1 else ''}"
-        settings = f"{seeds}, {self.duration:g} s each, {self.fidelity}. Again: python -m fleet study {self._words()}"
+        settings = (
+            f"{seeds}, {self.duration:g} s each, {self.fidelity}. Again: python -m fleet study {self._words(design)}"
+        )
         write_page(self.out / PAGE, findings=findings, plots=list(plots.values()), title=title, settings=settings)
         console.print(_table(outcome, title))
         for sentence in sentences(findings):

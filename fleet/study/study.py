@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from fleet.recording.run_file import plain
 from fleet.robots.cars.models import usual_car
@@ -23,6 +25,8 @@ from maps.site import load_site
 from planners.allocation import allocator_named
 
 SETTINGS = "study.json"
+_GROWING = ("allocators", "robots", "seeds")
+"""What may be others when a study goes on."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,7 +76,7 @@ def run_study(
         design: What to run; `check` has let it pass.
         out: Directory, created if it does not exist.
         jobs: Runs at once; None for as many as there is room for.
-        resume: Keep the rows that are there; they must be of the same design.
+        resume: Keep the rows that are there, those that this design has not, too; what decides a run must be the same.
         interrupted: Becomes non-empty when the user wants to stop.
         progress: Told the number of runs that are done, and of all, time and again.
         backend: What carries out the runs; the files do not depend on it.
@@ -82,47 +86,86 @@ def run_study(
         BrokenRunError: Runs were lost again and again.
     """
     table = _table(design, out, resume)
-    write_whole(out / SETTINGS, json.dumps(plain(design), indent=2) + "\n")
+    variants = design.variants
     done = {row.variant for row in table.rows}
-    missing = [variant for variant in design.variants if variant not in done]
+    missing = [variant for variant in variants if variant not in done]
+    n_others = len(table.rows) - (len(variants) - len(missing))
     try:
         configs = [design.run_config(variant) for variant in missing]
         for row in backend(configs, jobs, interrupted) if configs else ():
             if row is not None:
                 table.add(row)
-            progress(len(table.rows), len(design.variants))
+            progress(len(table.rows) - n_others, len(variants))
     finally:
         table.finish()
-    return Outcome(
-        rows=tuple(table.rows),
-        findings=find(table.rows, design.allocators),
-        n_open=len(design.variants) - len(table.rows),
-    )
+    asked = set(variants)
+    rows = tuple(row for row in table.rows if row.variant in asked)
+    return Outcome(rows=rows, findings=find(rows, design.allocators), n_open=len(variants) - len(rows))
+
+
+def kept_rate(out: Path) -> float:
+    """Orders per hour of the study in a directory, as its settings say.
+
+    Raises:
+        StudyError: There is no study.
+    """
+    path = out / SETTINGS
+    rate_per_h = _settings(path)["stream"].get("rate_per_h")
+    if not isinstance(rate_per_h, int | float):
+        raise _not_of_study(path)
+    return float(rate_per_h)
 
 
 def _table(design: Design, out: Path, resume: bool) -> TableFile:
+    """The table of a study, with the rows that are there, and beside it the settings of all of its rows."""
     rows: list[Row] = []
+    settings: dict[str, Any] = plain(design)
     if resume:
         known = _settings(out / SETTINGS)
-        # A study may grow by allocators, sizes and seeds; what decides a single run has to stay.
-        wanted = plain(design)
-        changed = [
-            name for name in wanted if name not in ("allocators", "robots", "seeds") and known.get(name) != wanted[name]
-        ]
-        if changed:
-            name = changed[0]
-            raise StudyError(f"--resume: {out} was made with {name} {known.get(name)!r}, not {wanted[name]!r}")
-        variants = set(design.variants)
-        rows = [row for row in read_rows(out / CSV_FILE) if row.variant in variants]
+        _require_resumable(out, known, settings)
+        rows = read_rows(out / CSV_FILE)
+        for name in _GROWING:
+            settings[name] += [one for one in known[name] if one not in settings[name]]
+        settings["allocator_settings"] = {**known["allocator_settings"], **settings["allocator_settings"]}
     out.mkdir(parents=True, exist_ok=True)
+    write_whole(out / SETTINGS, json.dumps(settings, indent=2) + "\n")
     return TableFile(out / CSV_FILE, rows)
 
 
-def _settings(path: Path) -> dict[str, object]:
+def _require_resumable(out: Path, known: dict[str, Any], wanted: dict[str, Any]) -> None:
+    """Refuse to go on with other settings; allocators, sizes and seeds may be others, what decides a run may not."""
+    for name, value in wanted.items():
+        if name == "allocator_settings":
+            for allocator in known["allocators"]:
+                if allocator in wanted["allocators"]:
+                    was, now = (told.get(allocator, {}) for told in (known[name], value))
+                    _require_same(out, f"{name}.{allocator}", was, now)
+        elif name not in _GROWING:
+            _require_same(out, name, known[name], value)
+
+
+def _require_same(out: Path, name: str, was: object, wanted: object) -> None:
+    if was == wanted:
+        return
+    if isinstance(was, dict) and isinstance(wanted, dict):
+        for key in (*was, *(key for key in wanted if key not in was)):
+            _require_same(out, f"{name}.{key}", was.get(key), wanted.get(key))
+    raise StudyError(
+        f"--resume: {out} was made with {name} {was!r}, not {wanted!r}; valid: {was!r}, or without --resume"
+    )
+
+
+def _settings(path: Path) -> dict[str, Any]:
     try:
         known = read_json(path)
     except (OSError, ValueError) as error:
         raise StudyError(f"--resume: there is no study in {path.parent} ({error}); valid: without --resume") from error
-    if not isinstance(known, dict):
-        raise StudyError(f"--resume: {path} is not the settings of a study; valid: without --resume")
+    names = {field.name for field in dataclasses.fields(Design)}
+    whole = isinstance(known, dict) and names <= set(known) and all(isinstance(known[name], list) for name in _GROWING)
+    if not whole or not isinstance(known["allocator_settings"], dict) or not isinstance(known["stream"], dict):
+        raise _not_of_study(path)
     return known
+
+
+def _not_of_study(path: Path) -> StudyError:
+    return StudyError(f"--resume: {path} is not the settings of a study; valid: without --resume")

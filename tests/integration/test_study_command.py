@@ -1,5 +1,6 @@
 """A small study from the command line: rows, files, the same again whatever the number of processes, resume."""
 
+import json
 import os
 import signal
 import subprocess
@@ -77,7 +78,8 @@ def test_two_allocators_two_sizes_two_seeds(tmp_path: Path, capsys: pytest.Captu
         (["--stream", "x"], "--stream is 'x'; valid: poisson, waves"),
         (["--rate", "0"], "--rate is 0"),
         (["--orders", "none.csv"], "none.csv"),
-        (["--orders", "none.csv", "--rate", "9"], "--rate is 9.0; valid: without --orders"),
+        (["--orders", "none.csv", "--rate", "9"], "--rate does not go with the other options; valid: --rate without --orders"),
+        (["--orders", "none.csv", "--stream", "waves"], "valid: --stream without --orders"),
         (["--resume"], "--resume: there is no study"),
         (["--backend", "x"], "--backend is 'x'; valid: local, ray"),
         (["--ray-address", "auto"], "--ray-address is 'auto'; valid: with --backend ray"),
@@ -96,9 +98,39 @@ def test_bad_input_is_one_line_and_leaves_nothing(
 
 
 def test_another_study_cannot_be_resumed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert study(tmp_path, "--robots", "1", "--seeds", "1", "--allocators", "greedy", "--jobs", "1") == 0
+    capsys.readouterr()
+    assert study(tmp_path, "--resume", "--rate", "800") == 2
+    assert "was made with stream.rate_per_h 900.0, not 800.0; valid: 900.0, or without" in capsys.readouterr().err
+    assert study(tmp_path, "--resume", "--site", "small") == 2
+    assert "was made with site 'cell', not 'small'" in capsys.readouterr().err
     (tmp_path / "study.json").write_text('{"site": "small"}', encoding="utf-8")
     assert study(tmp_path, "--resume") == 2
-    assert "was made with site 'small', not 'cell'" in capsys.readouterr().err
+    assert "study.json is not the settings of a study" in capsys.readouterr().err
+
+
+def test_a_study_goes_on_with_other_sizes_at_its_rate(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """It was refused, as the usual rate is that of the largest fleet; and with fewer sizes rows were lost."""
+    words = ["--site", "cell", "--fidelity", "grid", "--duration", "80", "--seeds", "1", "--out", str(tmp_path)]
+
+    def again(*more: str) -> list[tuple[str, int]]:
+        with pytest.raises(SystemExit) as stop:
+            main(["study", *words, "--jobs", "1", *more])
+        assert stop.value.code == 0
+        return [(row.allocator, row.robots) for row in read_rows(tmp_path / CSV_FILE)]
+
+    assert again("--robots", "1", "--allocators", "greedy") == [("greedy", 1)]
+    assert again("--robots", "1:2", "--allocators", "greedy", "--resume") == [("greedy", 1), ("greedy", 2)]
+    page = (tmp_path / "study.html").read_text(encoding="utf-8")
+    assert "--robots 1:2 --seeds 1 --site cell --fidelity grid --duration 80 --rate 90 --planner" in page
+    capsys.readouterr()
+    whole = again("--robots", "2", "--allocators", "hungarian", "--resume")
+    assert whole == [("greedy", 1), ("greedy", 2), ("hungarian", 2)]
+    out = capsys.readouterr().out
+    assert "1 of 1 runs done" in out
+    assert "greedy" not in out
+    settings = json.loads((tmp_path / "study.json").read_text(encoding="utf-8"))
+    assert (set(settings["allocators"]), set(settings["robots"])) == ({"greedy", "hungarian"}, {1, 2})
 
 
 def test_ctrl_c_keeps_what_is_done_and_leaves_nobody_behind(repository: Path, tmp_path: Path) -> None:
@@ -119,7 +151,7 @@ def test_ctrl_c_keeps_what_is_done_and_leaves_nobody_behind(repository: Path, tm
     os.killpg(process.pid, signal.SIGINT)  # as a terminal does: to the whole group
     out, err = process.communicate(timeout=60)
     assert (process.returncode, err) == (130, "")
-    assert "runs are missing; --resume does them" in out
+    assert "runs are missing; --resume does what is left" in out
     assert 2 <= len(read_rows(table)) < 200
     assert (tmp_path / "study.html").is_file()
     end = time.monotonic() + 10.0

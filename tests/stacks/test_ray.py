@@ -192,7 +192,7 @@ def test_a_joined_cluster_outlives_the_study_and_its_interrupt(
     os.killpg(process.pid, signal.SIGINT)
     said, complaint = process.communicate(timeout=100)
     assert (process.returncode, complaint) == (130, "")
-    assert "runs are missing; --resume does them" in said
+    assert "runs are missing; --resume does what is left" in said
     assert 2 <= len(read_rows(table)) < 2000
     with ray_cluster(cluster.address, None):
         (row,) = [row for row in run_on_ray([SHORT], None, []) if row is not None]
