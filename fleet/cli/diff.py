@@ -12,7 +12,7 @@ from rich.table import Table
 from fleet.cli.run_output import PLAIN_WIDTH, plain_console, show_recording
 from fleet.config import require
 from fleet.errors import ConfigError
-from fleet.outputs import require_other
+from fleet.outputs import require_file_below, require_other
 
 if TYPE_CHECKING:
     from fleet.report.difference import Difference, Pair
@@ -52,6 +52,7 @@ class Diff:
         if self.a.samefile(self.b):
             raise ConfigError(f"B is {str(self.b)!r}, the same run as A; valid: another run")
         require_other("--out", self.out, *(folder / name for folder in (self.a, self.b) for name in RUN_FILES))
+        require_file_below("--out", None if self.no_record else self.out)
         a, b = load_run(self.a), load_run(self.b)
         found = difference(a, b)
         console = plain_console(columns=PLAIN_WIDTH)

@@ -28,6 +28,10 @@ from planners.errors import PlanningError
 CURES = {
     **dict.fromkeys((errno.EACCES, errno.EPERM, errno.EROFS), "; valid: a path that you may read or write"),
     errno.ENOSPC: "; valid: room on its disk, or another path",
+    errno.ENOENT: "; valid: a path that is there, or in a folder that is",
+    errno.EEXIST: "; valid: a path where nothing is",
+    errno.EISDIR: "; valid: a path of a file",
+    errno.ENOTDIR: "; valid: a path of a folder, or in one",
 }
 OWN = ("", "fleet", "maps", "planners")
 PYTHONS = ".venv/bin/python after `make setup`, or an environment with Python 3.11 into which the wheel was installed"

@@ -13,6 +13,7 @@ from rich.console import Console
 from rich.progress import Progress, ProgressColumn, Task, TextColumn
 from rich.progress_bar import ProgressBar
 
+from fleet.cli.arguments import require_with
 from fleet.cli.run_output import figure_table, plain_console
 from fleet.config import require
 from fleet.config.member_settings import member_settings
@@ -89,6 +90,8 @@ class PlanCommand:
         require(math.isfinite(self.budget_s) and self.budget_s > 0, "--budget-s", self.budget_s, "a number > 0")
         require(self.seed >= 0, "--seed", self.seed, "an integer >= 0")
         require(self.begin_with is None or self.motion == "pebble", "--motion", self.motion, "pebble with --begin-with")
+        require_with("--planner-setting", bool(self.planner_setting), self.begin_with is None, "without --begin-with")
+        require_with("--settings", self.settings is not None, self.begin_with is None, "without --begin-with")
         planner = self._planner()
         # LaCAM has the kernels of the search that improves plans.
         warm = (

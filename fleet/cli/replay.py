@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 from rich.console import Console
 
+from fleet.cli.arguments import require_solver
 from fleet.cli.diff import DIFFERENT, SAME, figures_table, sentences
 from fleet.cli.recordings.run_recording import run_of
 from fleet.cli.run_output import INTERRUPTED, PLAIN_WIDTH, plain_console, run_table, show_recording
@@ -36,8 +37,9 @@ class Replay:
     """What if this happened: 'KIND TARGET TIME_S NAME=VALUE ...', such as 'car_dead car_1 130'."""
     remove_event: tuple[int, ...] = ()
     """What if an event of the run had not happened: its number in the order of the events file, from 1."""
-    out: Path = Path("runs/replay")
-    """What if: directory for both runs (recorded and what_if), their figures, and the recording of both."""
+    out: Path | None = None
+    """What if: directory for both runs (recorded and what_if), their figures, and the recording of both; default
+    runs/replay."""
     record: bool = False
     """What if: record both runs, side by side in one recording."""
 
@@ -52,11 +54,14 @@ class Replay:
 
     def _check(self) -> None:
         changes = (("--set", self.set), ("--add-event", self.add_event), ("--remove-event", self.remove_event))
-        for option, given in (*changes, ("--record", self.record)):
+        for option, given in (*changes, ("--record", self.record), ("--out", self.out is not None)):
             if given and self.at is None:
                 raise ConfigError(f"{option} does not go without --at; valid: --at TIME {option} ...")
         if self.at is not None and not any(given for _, given in changes):
             raise ConfigError("--at does not go alone; valid: with --set, --add-event or --remove-event")
+        for name, _, value in (setting.partition("=") for setting in self.set):
+            if name.strip() == "allocation.allocator":
+                require_solver("--set allocation.allocator", value.strip())
 
     def _repeat(self, recorded: Recorded) -> int:
         from fleet.replay.again import repeat
@@ -83,10 +88,11 @@ class Replay:
         from fleet.recording.run_file import RECORDING
         from fleet.replay.what_if import NotTheSameRun, changed_config, run_what_if
 
+        out = self.out or Path("runs/replay")
         config = changed_config(recorded, at_s, settings=self.set, add=self.add_event, remove=self.remove_event)
         console = plain_console(columns=PLAIN_WIDTH)
         try:
-            found = run_what_if(recorded, config, at_s, self.out, record=self.record, progress=_watched())
+            found = run_what_if(recorded, config, at_s, out, record=self.record, progress=_watched())
         except NotTheSameRun as fault:
             console.print(f"{fault}, so nothing can be said about another end", soft_wrap=True)
             _tell_apart(console, recorded, fault.found)
@@ -97,9 +103,11 @@ class Replay:
         console.print(run_table({"as recorded": found.recorded, "what if": found.what_if}, change=True))
         for line in sentences(found.found, recorded.run.trace.tick_s):
             console.print(line, soft_wrap=True)
-        console.print(f"both runs: {self.out}", soft_wrap=True)
+        for line in found.what_if.get("events_not_happened", ()):
+            console.print(f"did not happen: {line}", soft_wrap=True)
+        console.print(f"both runs: {out}", soft_wrap=True)
         if self.record:
-            show_recording(console, self.out / RECORDING, view=False)
+            show_recording(console, out / RECORDING, view=False)
         return SAME
 
 

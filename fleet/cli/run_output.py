@@ -248,7 +248,7 @@ def exit_status(console: Console, result: Result, duration_s: float) -> int:
     timely = result.sim_s >= duration_s
     if n_open:
         why = "the time was up" if timely else "the run came to a standstill"
-        console.print(f"{n_open} tasks were left open: {why}")
+        console.print(f"{'1 task was' if n_open == 1 else f'{n_open} tasks were'} left open: {why}")
     return TASKS_FAILED if result.tasks_failed or (n_open and not timely) else ALL_DONE
 
 

@@ -167,6 +167,7 @@ class SiteConvert:
             value = getattr(self, name)
             require(1 <= value <= MOST, f"--{name}", value, f"an integer from 1 to {MOST}")
         require_other("OUT", self.out, self.map)
+        require_file("OUT", self.out)
         site = site_from_map(self.map, pick=self.pick, drop=self.drop, parking=self.parking)
         _require_reach(_unreached(site, self.grip))
         return _save(site, self.out)
@@ -189,6 +190,7 @@ class SiteExport:
         from maps.site import load_site
 
         require_other("FILE", self.file, Path(self.site))
+        require_file("FILE", self.file)
         name = self.format or format_of(self.file.name)
         layout_format = LAYOUT_FORMATS[name]
         text = layout_format.write(load_site(self.site))
@@ -223,6 +225,7 @@ class SiteImport:
         from maps.reading.text_file import read_text
 
         require_other("--out", self.out, self.file)
+        require_file("--out", self.out)
         layout_format = LAYOUT_FORMATS[self.format or format_of(self.file.name)]
         text = read_text(self.file, str(self.file), valid=layout_format.title)
         layout = one_level(layout_format.read(text, str(self.file)), self.level, str(self.file))

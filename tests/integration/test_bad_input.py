@@ -298,6 +298,7 @@ def test_an_output_path_that_cannot_be_written(tmp_path: Path, capsys: pytest.Ca
     [
         ["demo", "--allocator", "cpsat", "--no-record"],
         ["study", "--allocators", "greedy,cpsat", "--robots", "2", "--seeds", "2"],
+        ["replay", ".", "--at", "1", "--set", "allocation.allocator=cpsat"],
     ],
 )
 def test_an_allocator_without_its_solver_is_refused(
@@ -546,6 +547,14 @@ def test_a_refused_run_leaves_earlier_results_alone(tmp_path: Path, capsys: pyte
         (["yard", "plan", SQUARE, "--output", "OUT", "--budget-s", "0"], ["--budget-s is 0", "a number > 0"]),
         (["yard", "plan", SQUARE, "--output", SQUARE], ["--output is", "another file than the instance"]),
         (["yard", "plan", SQUARE, "--output", "nowhere/x.yaml"], ["--output nowhere/x.yaml: No such file"]),
+        (["site", "import", SQUARE, "--out", "."], ["--out .: Is a directory", "a file that can be written"]),
+        (["site", "convert", "nope.map", "."], ["OUT .: Is a directory"]),
+        (["robots", "show", "iiwa", "--push", "1"], ["--push does not go", "with a vehicle", "iiwa is of kind arm"]),
+        (["robots", "show", "racecar", "--out", SQUARE], ["--out", "Not a directory", "can be written"]),
+        (["plan", "--map", SQUARE, "--scen", "x", "--begin-with", SQUARE, "--settings", SQUARE], ["--settings does"]),
+        (["replay", "nowhere", "--out", "OUT"], ["--out does not go without --at"]),
+        (["view", SQUARE], ["FOLDER is", "or a recording (.rrd)"]),
+        (["shot", SQUARE, "x.png"], ["FOLDER is", "or a recording (.rrd)"]),
         (["export", "nowhere", "--mcap", "OUT"], ["no run in nowhere", "--out directory"]),
         (["export", "nowhere", "--mcap", "OUT", "--rate-hz", "-1"], ["--rate-hz is -1", "at most 1000"]),
     ],

@@ -210,10 +210,10 @@ def test_another_setting_parts_from_its_moment_on(
 
 def test_events_come_and_go(recorded: Path, tmp_path: Path, replay: Callable[..., tuple[int, str, str]]) -> None:
     out = tmp_path / "out"
-    status, said, _ = replay(
-        recorded, "--at", 10, "--remove-event", 2, "--add-event", "car_pushed car_0 12 dy_m=0.02", "--out", out
-    )
+    added = ("--add-event", "car_pushed car_0 12 dy_m=0.02", "--add-event", "car_dead car_1 900")
+    status, said, _ = replay(recorded, "--at", 10, "--remove-event", 2, *added, "--out", out)
     assert status == 0
+    assert "did not happen: car_dead car_1 at 900 s: the run was over before\n" in said
     assert "first difference, tick 240 (12.00 s), event: A: nothing; B: disturbance" in said
     told = [event for event in read_run(out / "what_if").events if event["kind"] == "disturbance"]
     assert [(event["sim_s"], event["target"]) for event in told] == [(4.0, "arm_0"), (12.0, "car_0")]

@@ -78,7 +78,7 @@ def test_two_allocators_two_sizes_two_seeds(tmp_path: Path, capsys: pytest.Captu
         (["--stream", "x"], "--stream is 'x'; valid: poisson, waves"),
         (["--rate", "0"], "--rate is 0"),
         (["--orders", "none.csv"], "none.csv"),
-        (["--orders", "none.csv", "--rate", "9"], "--rate does not go with the other options; valid: --rate without --orders"),
+        (["--orders", "none.csv", "--rate", "9"], "valid: --rate without --orders"),
         (["--orders", "none.csv", "--stream", "waves"], "valid: --stream without --orders"),
         (["--resume"], "--resume: there is no study"),
         (["--backend", "x"], "--backend is 'x'; valid: local, ray"),

@@ -60,7 +60,7 @@ class Train:
     out: Path = Path("runs/train")
     """Directory for checkpoint, curves and evaluation."""
     resume: bool = False
-    """Go on from the checkpoint in the directory, with the same settings."""
+    """Go on from the checkpoint in the directory, with the same settings; begin if there is none yet."""
 
     def run(self) -> int:
         """Train, evaluate and print; returns the exit status."""

@@ -46,6 +46,8 @@ class FilmOfRun:
         require_writable("SVG", self.svg, ".svg")
         recorded = load_recorded(run_of(self.folder))
         latest_s = recorded.end_s - SAMPLE_S
+        long_enough = f"a run of more than {SAMPLE_S:g} s"
+        require(latest_s > 0.0, "FOLDER", f"a run of {recorded.end_s:g} s", long_enough)
         within = math.isfinite(self.at) and 0.0 <= self.at <= latest_s
         require(within, "--at", self.at, f"a number from 0 to {latest_s:g}, before the run ends")
         length_s = min(self.length, recorded.end_s - self.at)

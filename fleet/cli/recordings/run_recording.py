@@ -11,6 +11,8 @@ from fleet.errors import ConfigError
 
 LONGEST_WAIT = "longest-wait"
 """What may be said instead of a time."""
+_BEGINNING = b"RRF"
+"""Of every file of rerun's."""
 
 
 def recording_of(folder: Path) -> Path:
@@ -29,6 +31,9 @@ def recording_of(folder: Path) -> Path:
     path = folder / RECORDING if folder.is_dir() else folder
     if not path.exists():
         raise ConfigError(f"no recording at {path}; valid: the --out directory of a run without --no-record")
+    with path.open("rb") as file:
+        is_recording = file.read(len(_BEGINNING)) == _BEGINNING
+    require(is_recording, "FOLDER", str(folder), "the --out directory of a run, or a recording (.rrd)")
     return path
 
 

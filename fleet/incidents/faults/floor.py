@@ -112,7 +112,12 @@ class HumanWalks(Once):
         grid = self._run.site.grid
         row, col = int(event.value("to_row")), int(event.value("to_col"))
         ok = row < grid.rows and col < grid.cols and bool(grid.free[row, col])
-        require(ok, f"to_row, to_col of {event.kind}", f"{row}, {col}", "row and col of a free cell")
+        require(
+            ok,
+            f"event at {event.time_s:g} s: to_row, to_col of {event.kind}",
+            f"{row}, {col}",
+            "row and col of a free cell",
+        )
         return int(grid.index(row, col))
 
     def tick(self) -> None:
