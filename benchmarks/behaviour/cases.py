@@ -799,9 +799,9 @@ def layers_simulated() -> Played:
 
 def _layer(layer: str, policies: Sequence[str], n_steps: int, **arguments: Any) -> Played:
     """An environment of a layer, by chance from its spaces, and by policies; a moment is saved, and comes back."""
-    from fleet.envs import dispatch_v0, traffic_v1
+    from fleet.envs import dispatch_v1, traffic_v1
 
-    env = {"dispatch": dispatch_v0, "traffic": traffic_v1}[layer].parallel_env(max_cycles=1000, **arguments)
+    env = {"dispatch": dispatch_v1, "traffic": traffic_v1}[layer].parallel_env(max_cycles=1000, **arguments)
     played = Played(parts={"chance": episode(env, chance(env, 1), n_steps, seed=1)})
     state = env.save_state()
     played.parts["after_saving"] = _further(env, state, 2, min(n_steps, 30))

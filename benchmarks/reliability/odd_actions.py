@@ -19,7 +19,7 @@ from hypothesis import strategies as st
 from benchmarks.harness import Row, Trial
 from benchmarks.reliability.fuzz import at_most, reproducibly, traceback_line
 from benchmarks.reliability.mutation import Draw
-from fleet.envs import dispatch_v0, handover_v0, navigate_v1, traffic_v1, warehouse_v1
+from fleet.envs import dispatch_v1, handover_v0, navigate_v1, traffic_v1, warehouse_v1
 from fleet.errors import FleetError
 
 STEPS, QUICK_STEPS = 1500, 150
@@ -27,7 +27,7 @@ STEPS, QUICK_STEPS = 1500, 150
 LONGEST_CPU_S = 30.0
 LONGEST_MESSAGE = 600
 MAKERS: dict[str, Callable[[], Any]] = {
-    "dispatch_v0": lambda: dispatch_v0.parallel_env(site="cell", n_cars=2, max_cycles=20),
+    "dispatch_v1": lambda: dispatch_v1.parallel_env(site="cell", n_cars=2, max_cycles=20),
     "traffic_v1": lambda: traffic_v1.parallel_env(site="cell", n_cars=2, max_cycles=20),
     "navigate_v1": lambda: navigate_v1.parallel_env(n_cars=2, max_cycles=20),
     "handover_v0": lambda: handover_v0.parallel_env(n_cars=1, max_cycles=20),

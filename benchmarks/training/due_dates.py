@@ -12,7 +12,7 @@ import numpy as np
 
 from benchmarks.harness import Kind, Row, Trial
 from fleet.charts.statistics import estimate
-from fleet.envs import dispatch_v0
+from fleet.envs import dispatch_v1
 from fleet.envs.dispatch.env import DispatchEnv
 from fleet.envs.dispatch.scenarios import SCENARIOS
 from fleet.envs.grid.fleet import TIMESTEP_S, late_steps, one_per_order
@@ -45,7 +45,7 @@ def measure_due_dates(trial: Trial) -> Iterator[Row]:
     known = {} if trial.quick else _read(EPISODES)
     table: list[tuple[object, ...]] = []
     for scenario, arguments in _cases().items():
-        env = dispatch_v0.parallel_env(**arguments, **({"max_cycles": N_QUICK_CYCLES} if trial.quick else {}))
+        env = dispatch_v1.parallel_env(**arguments, **({"max_cycles": N_QUICK_CYCLES} if trial.quick else {}))
         for policy in POLICIES["dispatch"]:
             told = []
             for seed in range(n_seeds):
@@ -66,7 +66,7 @@ def measure_due_dates(trial: Trial) -> Iterator[Row]:
             writer.writerow(("scenario", "policy", "episodes", *columns))
             writer.writerows(table)
     trial.notes.append(
-        f"dispatch_v0, fidelity grid, {n_seeds} episodes of 20 minutes, the same orders for all policies; tardiness of "
+        f"dispatch_v1, fidelity grid, {n_seeds} episodes of 20 minutes, the same orders for all policies; tardiness of "
         f"all orders that came in, minutes an episode; ± 95 %. Episodes: {EPISODES}; those that are there are not "
         f"played again. Table: {TABLE}"
     )

@@ -15,7 +15,7 @@ import numpy as np
 from benchmarks.harness import Kind, Row, Trial
 from fleet.charts.chart import Series, draw
 from fleet.charts.statistics import Estimate, estimate
-from fleet.envs import dispatch_v0, traffic_v1
+from fleet.envs import dispatch_v1, traffic_v1
 from fleet.envs.dispatch.env import DispatchEnv
 from fleet.envs.grid.fleet import TIMESTEP_S, FleetSite, GridFleet
 from fleet.envs.layers.layer import LayerEnv
@@ -52,9 +52,9 @@ def measure_grid(trial: Trial) -> Iterator[Row]:
             kind=Kind.RATE,
             target=target,
         )
-        dispatch = dispatch_v0.parallel_env(site=site, n_cars=n_cars, load=LOAD, max_cycles=N_CYCLES // 5)
+        dispatch = dispatch_v1.parallel_env(site=site, n_cars=n_cars, load=LOAD, max_cycles=N_CYCLES // 5)
         rate = max(_rate(dispatch, seed) for seed in range(n_rounds))
-        yield Row(name="  dispatch_v0", value=rate, unit="agent steps/s", kind=Kind.RATE)
+        yield Row(name="  dispatch_v1", value=rate, unit="agent steps/s", kind=Kind.RATE)
         rate = max(_engine_rate(env.place, n_cars, seed) for seed in range(n_rounds))
         yield Row(name="  the fleet alone, with PIBT", value=rate, unit="agent steps/s", kind=Kind.RATE)
     trial.notes.append(
@@ -73,7 +73,7 @@ def measure_table(trial: Trial) -> Iterator[Row]:
     for site in _choosy_floors():
         curves: dict[str, list[Estimate | None]] = {name: [] for name in minds}
         for n_cars in teams:
-            env = dispatch_v0.parallel_env(site=site, n_cars=n_cars, load=LOAD)
+            env = dispatch_v1.parallel_env(site=site, n_cars=n_cars, load=LOAD)
             for name, make in minds.items():
                 told = [_played(env, make(seed), seed) for seed in range(n_seeds)]
                 rate, late = (estimate([one[k] for one in told]) for k in range(2))
@@ -99,7 +99,7 @@ def measure_table(trial: Trial) -> Iterator[Row]:
         writer.writerow(("site", "cars", "policy", "deliveries_per_h", "half_width", "tardiness_s", "half_width"))
         writer.writerows(table)
     trial.notes.append(
-        f"dispatch_v0, fidelity grid, {LOAD:g} times the orders that the cars could carry without traffic, {n_seeds} "
+        f"dispatch_v1, fidelity grid, {LOAD:g} times the orders that the cars could carry without traffic, {n_seeds} "
         "episodes of 20 minutes, the same orders for all policies; right of way by PIBT; 95 % intervals. Plots and "
         f"table: {OUT}"
     )

@@ -157,10 +157,10 @@ LESSONS: dict[str, Lesson] = {
         n_episodes=100,
         fidelity="grid",
         places={
-            "beside all rules": _gap(20),
             # Episodes differ by hours of tardiness, and there are minutes to win.
             "skewed waves": _gap(100, **SCENARIOS["due_waves"].arguments),
             # Most of what is late is late in few episodes.
+            "beside all rules": _gap(60),
             **{name: _gap(60, floor=floor) for name, floor in HELD_OUT_SITES.items()},
         },
     ),

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.harness import Kind, Row, Trial
-from fleet.envs import dispatch_v0, make_vec, traffic_v1
+from fleet.envs import dispatch_v1, make_vec, traffic_v1
 from fleet.envs.vector.loop import LoopVec
 from fleet.envs.vector.vec_env import VecEnv
 from fleet.training.batch import Batch, EnvBatch
@@ -22,7 +22,7 @@ from maps.warehouse import generate_warehouse
 
 N_ENVS = 16
 N_ACTIONS = 20
-MAKERS = {"dispatch": dispatch_v0.parallel_env, "traffic": traffic_v1.parallel_env}
+MAKERS = {"dispatch": dispatch_v1.parallel_env, "traffic": traffic_v1.parallel_env}
 _LARGE = {"rows": 150, "cols": 160, "pick": 46, "drop": 46, "parking": 1000}
 TEAMS: tuple[tuple[str, dict[str, Any], str], ...] = (
     ("dispatch", {"site": "small", "n_cars": 6}, ">= 5"),

@@ -15,13 +15,13 @@ if TYPE_CHECKING:  # heavy, and not everybody wants many environments
 
 ENVIRONMENTS = {
     "warehouse_v1": 1200,
-    "dispatch_v0": 240,
+    "dispatch_v1": 240,
     "traffic_v1": 500,
     "navigate_v1": 600,
     "handover_v0": 600,
 }
 """Longest episode of each environment, by module, which has its `parallel_env` and its `env`."""
-REPLACED = {"warehouse_v0": 1200, "traffic_v0": 500, "navigate_v0": 600}
+REPLACED = {"warehouse_v0": 1200, "dispatch_v0": 240, "traffic_v0": 500, "navigate_v0": 600}
 """The same of versions that another one has replaced: to make one is refused, and the message names the new one."""
 
 for _module, _max_cycles in (ENVIRONMENTS | REPLACED).items():

@@ -1,4 +1,4 @@
-"""Version 0 of the dispatch environment, under the names that PettingZoo's own environments have."""
+"""Version 1 of the dispatch environment, under the names that PettingZoo's own environments have."""
 
 from fleet.envs.dispatch.env import env, parallel_env, raw_env
 

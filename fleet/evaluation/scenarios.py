@@ -79,7 +79,7 @@ class Scenario:
     summary: str
     """What agents do, in one line."""
     env: str
-    """Environment with its version, `dispatch_v0`; or the name of a recipe of a single robot, `reach`."""
+    """Environment with its version, `dispatch_v1`; or the name of a recipe of a single robot, `reach`."""
     headline: str
     """The figure that it is about; a name in `MEASURES`."""
     beside: tuple[str, ...]
@@ -147,7 +147,7 @@ _DISPATCH_SPLITS = {
 }
 _DUE = Scenario(
     summary="cars choose their tasks; all can be delivered, and what counts is when",
-    env="dispatch_v0",
+    env="dispatch_v1",
     arguments=_orders_of("due_dates"),
     headline="tardiness",
     beside=("on_time", "delivered"),
@@ -164,7 +164,7 @@ SCENARIOS: dict[str, Scenario] = {
     ),
     "dispatch_busy": Scenario(
         summary="cars choose their tasks; there are half as many again as they can deliver; what counts is how many",
-        env="dispatch_v0",
+        env="dispatch_v1",
         arguments={"load": 1.5},
         headline="delivered",
         beside=("tardiness",),
@@ -174,7 +174,7 @@ SCENARIOS: dict[str, Scenario] = {
     ),
     "dispatch_waves": Scenario(
         summary="cars choose their tasks; orders come in waves, most from few stations, and more than can be done",
-        env="dispatch_v0",
+        env="dispatch_v1",
         arguments=_orders_of("due_waves"),
         headline="on_time",
         beside=("tardiness", "delivered"),

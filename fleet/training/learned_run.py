@@ -29,7 +29,7 @@ class LearnedRun:
     arguments: Mapping[str, Any]
     """Of its environment."""
     environment: str
-    """Name of the environment, with its version: `dispatch_v0`."""
+    """Name of the environment, with its version: `dispatch_v1`."""
     render_modes: tuple[str, ...]
     """Ways to show it."""
 

@@ -57,7 +57,7 @@ SOLO: dict[str, tuple[Any, str]] = {"KukaReach": (KukaReachEnv, "arm_0"), "CarNa
 """Environments of single robots, with the name of their agent."""
 ALL, BODIES = ("grid", "kinematic", "physics"), ("kinematic", "physics")
 VARIANTS: dict[str, tuple[tuple[str, ...], tuple[dict[str, Any], ...]]] = {
-    "dispatch_v0": (ALL, ({"site": "small", "n_cars": 4, "decision_s": 1.0},)),
+    "dispatch_v1": (ALL, ({"site": "small", "n_cars": 4, "decision_s": 1.0},)),
     "traffic_v1": (ALL, ({"site": "small", "n_cars": 4},)),
     "navigate_v1": (BODIES, ({"site": "small", "n_cars": 3},)),
     "warehouse_v1": (

@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 from gymnasium.spaces import Discrete
 
-from fleet.envs import dispatch_v0, handover_v0, navigate_v1, traffic_v1, warehouse_v1
+from fleet.envs import dispatch_v1, handover_v0, navigate_v1, traffic_v1, warehouse_v1
 from fleet.envs.core.base import ActionError, EnvState, EpisodeError, FleetEnv
 
 MAKERS = {
-    "dispatch": lambda: dispatch_v0.parallel_env(site="small", n_cars=3),
+    "dispatch": lambda: dispatch_v1.parallel_env(site="small", n_cars=3),
     "traffic": lambda: traffic_v1.parallel_env(site="small", n_cars=3),
     "navigate": lambda: navigate_v1.parallel_env(n_cars=3),
     "warehouse": lambda: warehouse_v1.parallel_env(site="cell", n_cars=2, n_arms=1, fidelity="kinematic"),

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from fleet.config import StreamConfig
-from fleet.envs import dispatch_v0, traffic_v1
+from fleet.envs import dispatch_v1, traffic_v1
 from fleet.envs.core.base import ActionError, EnvState, EpisodeError, StateError
 from fleet.envs.dispatch.env import TERMS as DISPATCH_TERMS
 from fleet.envs.dispatch.env import DispatchWeights
@@ -27,7 +27,7 @@ from fleet.errors import ConfigError, FleetError
 from maps.errors import MapsError
 from maps.warehouse import generate_warehouse
 
-ENVS = {"dispatch": dispatch_v0, "traffic": traffic_v1}
+ENVS = {"dispatch": dispatch_v1, "traffic": traffic_v1}
 TERMS = {"dispatch": DISPATCH_TERMS, "traffic": TRAFFIC_TERMS}
 MORE: dict[str, tuple[str, ...]] = {"dispatch": (), "traffic": ("pushed",)}
 N_CYCLES = {"dispatch": 60, "traffic": 120}
@@ -330,10 +330,10 @@ def test_unknown_sites_and_arguments_are_refused(make: Maker) -> None:
     with pytest.raises(TypeError, match="robots"):
         make(robots=3)
     with pytest.raises(ConfigError, match="1 to 64"):
-        dispatch_v0.parallel_env(candidates_n=0)
+        dispatch_v1.parallel_env(candidates_n=0)
     for odd in (2.5, True):
         with pytest.raises(ConfigError, match="whole number"):
-            dispatch_v0.parallel_env(decision_s=odd)
+            dispatch_v1.parallel_env(decision_s=odd)
     for wrong, words in (
         ({"breakdowns_per_h": -1.0}, "breakdowns_per_h is -1.0; valid: a number from 0"),
         ({"breakdowns_per_h": 1.0, "fidelity": "kinematic"}, "breakdowns_per_h is 1.0; valid: 0 but for fidelity grid"),
@@ -345,7 +345,7 @@ def test_unknown_sites_and_arguments_are_refused(make: Maker) -> None:
         ({"charge_s": 0}, "charge_s is 0; valid: a number > 0"),
     ):
         with pytest.raises(ConfigError, match=words):
-            dispatch_v0.parallel_env(**wrong)
+            dispatch_v1.parallel_env(**wrong)
     with pytest.raises(ConfigError, match="weight lost is True; valid: a number"):
         DispatchWeights(lost=True)
 
@@ -366,7 +366,7 @@ def played(env: LayerEnv, layer: str, policy: str, seed: int = 0) -> tuple[int, 
 @pytest.mark.parametrize("name", [name for name in POLICIES["dispatch"] if name != "random"])
 def test_every_dispatch_policy_beats_chance(name: str) -> None:
     site = generate_warehouse(rows=36, cols=16, pick=6, drop=6, parking=12)
-    env = dispatch_v0.parallel_env(site=site, n_cars=8, max_cycles=200)
+    env = dispatch_v1.parallel_env(site=site, n_cars=8, max_cycles=200)
     assert played(env, "dispatch", name)[1] > 1.05 * played(env, "dispatch", "random")[1]
 
 
@@ -397,7 +397,7 @@ def test_the_grid_tells_what_the_whole_fleet_does(layer: str, policy: str) -> No
 
 
 def test_two_cars_that_choose_one_task_are_told_who_waits() -> None:
-    env = dispatch_v0.parallel_env(site="small", n_cars=4, max_cycles=10)
+    env = dispatch_v1.parallel_env(site="small", n_cars=4, max_cycles=10)
     observations, _ = env.reset(seed=0)
     firsts = env.candidates[:, 0]
     *_, infos = env.step({agent: int(seen["action_mask"][1]) for agent, seen in observations.items()})

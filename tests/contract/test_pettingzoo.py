@@ -24,7 +24,7 @@ from pettingzoo.utils import parallel_to_aec
 
 import fleet.envs  # noqa: F401 - makes the environments known
 from fleet.config import Fidelity
-from fleet.envs import REPLACED, dispatch_v0, handover_v0, navigate_v1, traffic_v1, warehouse_v1
+from fleet.envs import REPLACED, dispatch_v1, handover_v0, navigate_v1, traffic_v1, warehouse_v1
 from fleet.errors import ConfigError
 
 HETEROGENEOUS = ("Agents have different observation space sizes", "Observations are different shapes")
@@ -57,7 +57,7 @@ class Case:
 
 
 _warehouse = partial(Case, name="warehouse", module=warehouse_v1, arguments={"site": "cell"}, warned=HETEROGENEOUS)
-_dispatch = partial(Case, name="dispatch", module=dispatch_v0, warned=MASKED)
+_dispatch = partial(Case, name="dispatch", module=dispatch_v1, warned=MASKED)
 _traffic = partial(Case, name="traffic", module=traffic_v1, warned=MASKED)
 _navigate = partial(Case, name="navigate", module=navigate_v1, arguments={"n_cars": 2})
 _handover = partial(Case, name="handover", module=handover_v0, arguments={"n_cars": 1}, warned=HETEROGENEOUS)

@@ -11,7 +11,7 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.wrappers.vector import RecordEpisodeStatistics
 
 from fleet.config import BatteryConfig
-from fleet.envs import dispatch_v0, make_vec, navigate_v1, traffic_v1
+from fleet.envs import dispatch_v1, make_vec, navigate_v1, traffic_v1
 from fleet.envs.core.base import ActionError, EpisodeError
 from fleet.envs.dispatch.env import DispatchWeights
 from fleet.envs.traffic.env import TrafficWeights
@@ -24,7 +24,7 @@ from fleet.errors import ConfigError
 from maps.warehouse import generate_warehouse
 
 N_ENVS = 3
-MAKERS = {"dispatch": dispatch_v0.parallel_env, "traffic": traffic_v1.parallel_env}
+MAKERS = {"dispatch": dispatch_v1.parallel_env, "traffic": traffic_v1.parallel_env}
 SETTINGS = {
     "dispatch": {
         "as it comes": {"site": "small", "n_cars": 6, "max_cycles": 60},
@@ -275,7 +275,7 @@ def test_a_longer_episode_finds_room(keep: Callable[[Any], Any]) -> None:
     """Later episodes have more orders than those for which there was room."""
     settings = SETTINGS["dispatch"]["as it comes"] | {"max_cycles": 4}
     vec = keep(make_vec("dispatch", 2, **settings))
-    loop = keep(LoopVec([dispatch_v0.parallel_env(**settings) for _ in range(2)]))
+    loop = keep(LoopVec([dispatch_v1.parallel_env(**settings) for _ in range(2)]))
     assert isinstance(vec, DispatchVec)
     vec.reset(0)
     room = vec._block.capacity

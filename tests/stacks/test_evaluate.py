@@ -19,7 +19,7 @@ require_package("torch", "train")
 
 TOY = Scenario(
     summary="short",
-    env="dispatch_v0",
+    env="dispatch_v1",
     headline="delivered",
     beside=("tardiness",),
     reference="nearest",
@@ -59,5 +59,5 @@ def test_what_was_learned_is_refused_where_agents_see_something_else(
     with pytest.raises(TrainingError, match="agents of type car observe 50 numbers"):
         play_split("toy", "train", player_named(str(learned), SCENARIOS["toy"]), 1)
     monkeypatch.setitem(SCENARIOS, "toy", dataclasses.replace(TOY, env="traffic_v1"))
-    with pytest.raises(PolicyError, match="was trained on dispatch_v0; valid: one trained on traffic_v1"):
+    with pytest.raises(PolicyError, match="was trained on dispatch_v1; valid: one trained on traffic_v1"):
         play_split("toy", "train", player_named(str(learned), SCENARIOS["toy"]), 1)

@@ -13,7 +13,7 @@ import pytest
 import fleet.envs  # noqa: F401 - makes the environments known
 from benchmarks.harness import Trial
 from benchmarks.training import subproc
-from fleet.envs import dispatch_v0, make_vec, navigate_v1
+from fleet.envs import dispatch_v1, make_vec, navigate_v1
 from fleet.errors import ConfigError
 from fleet.training.errors import TrainingError
 from tests.stacks.conftest import require_package
@@ -137,7 +137,7 @@ def test_an_unknown_type_is_refused() -> None:
 
 
 def test_maskable_ppo_chooses_legal_actions_only(monkeypatch: pytest.MonkeyPatch) -> None:
-    cars = TypeVecEnv([lambda: dispatch_v0.parallel_env(site="small", n_cars=2, max_cycles=30)] * 2)
+    cars = TypeVecEnv([lambda: dispatch_v1.parallel_env(site="small", n_cars=2, max_cycles=30)] * 2)
     illegal = []
     step = cars.step_async
 
@@ -156,7 +156,7 @@ def test_maskable_ppo_chooses_legal_actions_only(monkeypatch: pytest.MonkeyPatch
 
 
 def test_masks_of_slots_are_those_of_their_agents() -> None:
-    cars = TypeVecEnv([lambda: dispatch_v0.parallel_env(site="small", n_cars=2, max_cycles=30)] * 2)
+    cars = TypeVecEnv([lambda: dispatch_v1.parallel_env(site="small", n_cars=2, max_cycles=30)] * 2)
     cars.seed(0)
     cars.reset()
     wanted = [seen[agent]["action_mask"] == 1 for seen in cars._observations for agent in ("car_0", "car_1")]

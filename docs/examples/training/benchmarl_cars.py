@@ -18,9 +18,9 @@ from benchmarl.models.mlp import MlpConfig
 from torchrl.envs import EnvBase
 from torchrl.envs.libs.pettingzoo import PettingZooWrapper
 
-from fleet.envs import dispatch_v0, navigate_v1
+from fleet.envs import dispatch_v1, navigate_v1
 
-ENVS = {"navigate": navigate_v1.parallel_env, "dispatch": dispatch_v0.parallel_env}
+ENVS = {"navigate": navigate_v1.parallel_env, "dispatch": dispatch_v1.parallel_env}
 ALGORITHMS = {"ippo": IppoConfig, "mappo": MappoConfig}
 
 

@@ -19,7 +19,7 @@ from ray.rllib.env.wrappers.pettingzoo_env import ParallelPettingZooEnv
 from ray.rllib.examples.rl_modules.classes.action_masking_rlm import ActionMaskingTorchRLModule
 from ray.tune.registry import register_env
 
-from fleet.envs import dispatch_v0, navigate_v1
+from fleet.envs import dispatch_v1, navigate_v1
 
 
 class Renamed(BaseParallelWrapper):
@@ -47,7 +47,7 @@ def _renamed(one: Any) -> dict[str, Any]:
 
 ENVS = {
     "navigate": navigate_v1.parallel_env,
-    "dispatch": lambda **arguments: Renamed(dispatch_v0.parallel_env(**arguments)),
+    "dispatch": lambda **arguments: Renamed(dispatch_v1.parallel_env(**arguments)),
 }
 
 

@@ -10,10 +10,10 @@ import argparse
 from sb3_contrib import MaskablePPO
 from stable_baselines3 import PPO
 
-from fleet.envs import dispatch_v0, navigate_v1
+from fleet.envs import dispatch_v1, navigate_v1
 from fleet.training.stacks.sb3 import TypeVecEnv
 
-ENVS = {"navigate": navigate_v1.parallel_env, "dispatch": dispatch_v0.parallel_env}
+ENVS = {"navigate": navigate_v1.parallel_env, "dispatch": dispatch_v1.parallel_env}
 ALGORITHMS = {"navigate": PPO, "dispatch": MaskablePPO}
 
 

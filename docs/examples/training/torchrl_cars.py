@@ -16,9 +16,9 @@ from torchrl.modules import MaskedCategorical, MultiAgentMLP, NormalParamExtract
 from torchrl.objectives import ClipPPOLoss
 from torchrl.objectives.value import GAE
 
-from fleet.envs import dispatch_v0, navigate_v1
+from fleet.envs import dispatch_v1, navigate_v1
 
-ENVS = {"navigate": navigate_v1.parallel_env, "dispatch": dispatch_v0.parallel_env}
+ENVS = {"navigate": navigate_v1.parallel_env, "dispatch": dispatch_v1.parallel_env}
 GROUP = "car"
 N_CARS = 6
 

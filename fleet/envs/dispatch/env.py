@@ -28,6 +28,10 @@ clipped to [-1, 1]; distances in units of the longest way between any two places
 | | has a due date, time to spare if all went well (negative = it will be late), is urgent, is of the idle class |
 | | tasks under way to its pick station and to its drop station / those it has room for |
 | | cars without a task that are nearer to its pick station / 4 |
+| | what waits at its pick station (tasks that nobody has; r of them are told as r / (r + cars)): all of them; the |
+| | least time to spare of any if the arm did nothing but one after the other, the most pressing first (1 = plenty); |
+| | late ones; those with less than two minutes to spare; the place of the first late one in this line |
+| | the first three of these of its drop station |
 | the fleet | share of cars without a task, r / (r + cars) for r ready tasks |
 | | share of cars with a parcel, share of the ready tasks that are late, share of the episode that is left |
 
@@ -110,7 +114,7 @@ class DispatchConfig(LayerConfig):
         SiteError: The site cannot be read.
     """
 
-    NAME: ClassVar[str] = "dispatch_v0"
+    NAME: ClassVar[str] = "dispatch_v1"
     WEIGHTS: ClassVar[type] = DispatchWeights
 
     candidates_n: int = 8

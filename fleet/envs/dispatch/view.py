@@ -16,12 +16,16 @@ from fleet.envs.grid.kernel import NONE, TO_DROP, UNLOADING, Bools, Floor, Ints,
 from planners.allocation.costs import CostWeights, task_costs
 from planners.mapf.distance_table import UNREACHABLE
 
-N_OWN, N_PER_CANDIDATE, N_SUMMARY = 12, 11, 5
+N_OWN, N_PER_CANDIDATE, N_SUMMARY = 12, 19, 5
 """Numbers about the car itself, about each candidate, and about the fleet."""
+N_LINE, N_DROP_LINE = 5, 3
+"""Of those of a candidate, numbers about what waits at its pick station and at its drop station."""
 N_BATTERY = 2
 """Numbers about batteries, where cars have some."""
 TIME_S = 300.0
 """Times are told in units of this [s]."""
+SOON_S = 120.0
+"""Tasks with less time to spare than this are counted [s]."""
 MOST_CROWDED = 4
 """Nearer cars are counted up to this."""
 _TIES = 1 << 20
@@ -196,6 +200,42 @@ class DispatchObserver:
 
 
 @allocating
+def lines(
+    view: DispatchView, pressing: npt.NDArray[np.int64], n_stations: int, service_s: float
+) -> FloatArray:  # pragma: no cover - compiled
+    """Describe what waits at each station: the tasks that nobody has and that begin or end there.
+
+    Args:
+        view: The fleet.
+        pressing: Its ready tasks, the most pressing first, shape (m,).
+        n_stations: Number of stations, k.
+        service_s: Time that an arm needs for a car [s].
+
+    Returns:
+        Numbers in [-1, 1], shape (k, `N_LINE`), of r as r / (r + cars): how many tasks wait; the least time to spare of
+        any of them if the arm, from now on, did nothing but serve the cars that are under way to it and then these
+        tasks, the most pressing first (1 = plenty); how many are late; how many have less than `SOON_S` to spare; and
+        the place of the first late one in the line.
+    """
+    n_cars = len(view.state)
+    counts = np.zeros((n_stations, N_LINE))
+    spare_s = np.full(n_stations, np.inf)
+    for j in pressing:
+        for station in (view.pick[j], view.drop[j]):
+            counts[station, 0] += 1
+            own_s = view.due_s[j] - (view.under_way[station] + counts[station, 0]) * service_s
+            spare_s[station] = min(spare_s[station], own_s)
+            counts[station, 3] += own_s < SOON_S
+            if view.due_s[j] < 0.0:
+                counts[station, 2] += 1
+                if counts[station, 4] == 0:
+                    counts[station, 4] = counts[station, 0]
+    told = counts / (counts + n_cars)
+    told[:, 1] = np.minimum(1.0, np.maximum(-1.0, spare_s / TIME_S))
+    return told
+
+
+@allocating
 def fill_candidates(
     floor: Floor,
     view: DispatchView,
@@ -229,6 +269,7 @@ def fill_candidates(
         if n_in_line[pick] < k and max(view.under_way[pick], view.under_way[view.drop[pressing[a]]]) < STATION_ROOM:
             line[pick, n_in_line[pick]] = a
             n_in_line[pick] += 1
+    line_of = lines(view, pressing, n_stations, floor.service_steps * TIMESTEP_S)
     free_cars = np.flatnonzero(view.free)
     keys = np.empty(n_stations, dtype=np.int64)
     chosen = np.empty(k, dtype=np.int64)
@@ -275,3 +316,5 @@ def fill_candidates(
             rows[car, at + 8] = view.under_way[view.pick[j]] / STATION_ROOM
             rows[car, at + 9] = view.under_way[view.drop[j]] / STATION_ROOM
             rows[car, at + 10] = nearer / MOST_CROWDED
+            rows[car, at + 11 : at + 11 + N_LINE] = line_of[view.pick[j]]
+            rows[car, at + 11 + N_LINE : at + 11 + N_LINE + N_DROP_LINE] = line_of[view.drop[j], :N_DROP_LINE]

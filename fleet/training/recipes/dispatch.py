@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from fleet.envs.policies.policy import Policy
     from fleet.training.batch import Batch
 
-LAYOUT = RowLayout(groups=(Group(first=12, n_each=11),), chosen=0)
+LAYOUT = RowLayout(groups=(Group(first=12, n_each=19),), chosen=0)
 """Tasks on offer; numbers as in `fleet.envs.dispatch.view`: N_OWN, N_PER_CANDIDATE."""
 
 

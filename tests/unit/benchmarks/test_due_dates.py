@@ -8,13 +8,13 @@ import pytest
 
 from benchmarks.harness import Trial
 from benchmarks.training import due_dates
-from fleet.envs import dispatch_v0
+from fleet.envs import dispatch_v1
 from fleet.envs.dispatch.scenarios import SCENARIOS
 from fleet.envs.policies import make_policy
 
 
 def test_tardiness_counts_what_was_never_delivered() -> None:
-    env = dispatch_v0.parallel_env(site="small", n_cars=1, load=9.0, max_cycles=120, stream={"slack_s": [0.0, 0.0]})
+    env = dispatch_v1.parallel_env(site="small", n_cars=1, load=9.0, max_cycles=120, stream={"slack_s": [0.0, 0.0]})
     delivered, tardiness_min, on_time, _ = due_dates.played(env, make_policy("dispatch", "nearest"), 0)
     assert 0 < delivered < 20
     assert on_time == 0.0

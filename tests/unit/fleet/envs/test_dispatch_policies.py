@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fleet.envs import dispatch_v0
+from fleet.envs import dispatch_v1
 from fleet.envs.dispatch.env import DispatchEnv
 from fleet.envs.dispatch.scenarios import SCENARIOS
 from fleet.envs.grid.kernel import NONE, Stage
@@ -40,7 +40,7 @@ def tardiness(env: DispatchEnv, policy: Any, seed: int) -> float:
 
 
 def test_a_rollout_sees_no_order_before_its_release() -> None:
-    env = dispatch_v0.parallel_env(site="small", n_cars=4, load=1.5)
+    env = dispatch_v1.parallel_env(site="small", n_cars=4, load=1.5)
     truth = actions_of(RolloutPolicy(1, QUICK), env, 12)
 
     class Changed(RolloutPolicy):
@@ -61,7 +61,7 @@ def test_a_rollout_sees_no_order_before_its_release() -> None:
 
 
 def test_rollouts_are_their_seed_s() -> None:
-    env = dispatch_v0.parallel_env(site="small", n_cars=4, load=1.5)
+    env = dispatch_v1.parallel_env(site="small", n_cars=4, load=1.5)
     policy = RolloutPolicy(1, QUICK)
     first = actions_of(policy, env, 20)
     assert actions_of(RolloutPolicy(1, QUICK), env, 20) == first
@@ -70,7 +70,7 @@ def test_rollouts_are_their_seed_s() -> None:
 
 
 def test_rollouts_say_what_each_candidate_is_worth() -> None:
-    env = dispatch_v0.parallel_env(site="small", n_cars=4, load=1.5)
+    env = dispatch_v1.parallel_env(site="small", n_cars=4, load=1.5)
     policy, n_told, n_better = RolloutPolicy(1, QUICK), 0, 0
     observations, _ = env.reset(seed=3)
     for _ in range(30):
@@ -91,7 +91,7 @@ def test_rollouts_say_what_each_candidate_is_worth() -> None:
 
 
 def test_rollouts_are_less_late_than_nearest_tasks() -> None:
-    env = dispatch_v0.parallel_env(site="small", n_cars=6, load=1.5, max_cycles=160)
+    env = dispatch_v1.parallel_env(site="small", n_cars=6, load=1.5, max_cycles=160)
     both = [
         [tardiness(env, policy, seed) for seed in (1, 2)]
         for policy in (RolloutPolicy(0, QUICK), make_policy("dispatch", "nearest"))
@@ -101,7 +101,7 @@ def test_rollouts_are_less_late_than_nearest_tasks() -> None:
 
 
 def test_rollouts_decide_for_the_whole_fleet() -> None:
-    env = dispatch_v0.parallel_env(site="small", n_cars=2, fidelity="kinematic", max_cycles=30)
+    env = dispatch_v1.parallel_env(site="small", n_cars=2, fidelity="kinematic", max_cycles=30)
     observations, _ = env.reset(seed=0)
     policy = RolloutPolicy(0, QUICK)
     while env.agents:
@@ -126,7 +126,7 @@ def test_wrong_settings_of_rollouts_are_refused(wrong: dict[str, Any], message: 
 
 
 def test_cars_that_want_the_same_get_what_is_best_for_all() -> None:
-    env = dispatch_v0.parallel_env(site="small", n_cars=4, load=1.5)
+    env = dispatch_v1.parallel_env(site="small", n_cars=4, load=1.5)
     observations, _ = env.reset(seed=0)
     task = env.candidates[0, 0]
     wants = {}  # car 0 wants this task a little more than any other, car 1 wants nothing else
@@ -151,7 +151,7 @@ def test_cars_that_want_the_same_get_what_is_best_for_all() -> None:
 
 @pytest.mark.parametrize("name", SCENARIOS)
 def test_every_scenario_can_be_played(name: str) -> None:
-    env = dispatch_v0.parallel_env(**{**SCENARIOS[name].arguments, "max_cycles": 3})
+    env = dispatch_v1.parallel_env(**{**SCENARIOS[name].arguments, "max_cycles": 3})
     observations, _ = env.reset(seed=0)
     while env.agents:
         observations, *_ = env.step(dict.fromkeys(observations, 1))

@@ -137,8 +137,8 @@ def test_data_sets_that_cannot_be_written_are_refused(tmp_path: Path) -> None:
 
 def test_data_sets_of_other_kinds_are_refused(tmp_path: Path) -> None:
     folder = written(tmp_path / "data", n=1)
-    with pytest.raises(DatasetError, match="is one of traffic_v1; valid: one of dispatch_v0"):
-        read_dataset(folder, env="dispatch_v0")
+    with pytest.raises(DatasetError, match="is one of traffic_v1; valid: one of dispatch_v1"):
+        read_dataset(folder, env="dispatch_v1")
     about = json.loads((folder / ABOUT).read_text())
     (folder / ABOUT).write_text(json.dumps(about | {"format": 99}))
     with pytest.raises(DatasetError, match="format 99"):

@@ -271,9 +271,9 @@ def test_folders_without_what_was_learned_are_refused(toy: Scenario, tmp_path: P
 
 
 def test_what_was_learned_elsewhere_is_refused(toy: Scenario) -> None:
-    player = dataclasses.replace(player_named("pibt", toy), trained_on="dispatch_v0")
+    player = dataclasses.replace(player_named("pibt", toy), trained_on="dispatch_v1")
     env = toy.make(Case(site="cell", n_cars=2))
-    with pytest.raises(PolicyError, match="was trained on dispatch_v0; valid: one trained on traffic_v1"):
+    with pytest.raises(PolicyError, match="was trained on dispatch_v1; valid: one trained on traffic_v1"):
         player.check(toy, env)
 
 

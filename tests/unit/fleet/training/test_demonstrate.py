@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fleet.envs import dispatch_v0
+from fleet.envs import dispatch_v1
 from fleet.envs.policies import make_policy
 from fleet.training.demonstrations import demonstrate, read_demonstrations
 
 
 def test_choices_are_written_and_read(tmp_path: Path) -> None:
-    env = dispatch_v0.parallel_env(site="small", n_cars=3, max_cycles=30)
+    env = dispatch_v1.parallel_env(site="small", n_cars=3, max_cycles=30)
     path = tmp_path / "nearest.npz"
     n = demonstrate(path, env, make_policy("dispatch", "nearest"), (0, 1))
     told = read_demonstrations(path)["car"]
@@ -29,7 +29,7 @@ def test_choices_are_written_and_read(tmp_path: Path) -> None:
 
 
 def test_what_actions_are_worth_is_written_where_a_policy_says_so(tmp_path: Path) -> None:
-    env = dispatch_v0.parallel_env(site="small", n_cars=3, max_cycles=12)
+    env = dispatch_v1.parallel_env(site="small", n_cars=3, max_cycles=12)
     demonstrate(tmp_path / "rollout.npz", env, make_policy("dispatch", "rollout"), (0,))
     told = read_demonstrations(tmp_path / "rollout.npz")["car"]
     assert told.worths is not None
@@ -39,7 +39,7 @@ def test_what_actions_are_worth_is_written_where_a_policy_says_so(tmp_path: Path
 
 
 def test_of_who_says_no_worths_all_but_what_it_did_is_worth_little(tmp_path: Path) -> None:
-    env = dispatch_v0.parallel_env(site="small", n_cars=3, max_cycles=12)
+    env = dispatch_v1.parallel_env(site="small", n_cars=3, max_cycles=12)
     nearest = make_policy("dispatch", "nearest")
 
     class First:
@@ -61,7 +61,7 @@ def test_of_who_says_no_worths_all_but_what_it_did_is_worth_little(tmp_path: Pat
 
 
 def test_an_interrupted_file_is_none(tmp_path: Path) -> None:
-    env = dispatch_v0.parallel_env(site="small", n_cars=3, max_cycles=30)
+    env = dispatch_v1.parallel_env(site="small", n_cars=3, max_cycles=30)
     policy = make_policy("dispatch", "nearest")
 
     class Broken:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fleet.envs import dispatch_v0, traffic_v1
+from fleet.envs import dispatch_v1, traffic_v1
 from fleet.training.batch import BatchStep, EnvBatch, TypeView
 from fleet.training.errors import TrainingError
 from fleet.training.layout import Group, RowLayout
@@ -17,7 +17,7 @@ from fleet.training.vector_batch import VectorBatch
 CHOICE = RowLayout(groups=(Group(first=12, n_each=11),), chosen=0)
 CASES: dict[str, tuple[Any, list[dict[str, Any]], Mapping[str, RowLayout], int]] = {
     "dispatch, a choice": (
-        dispatch_v0.parallel_env,
+        dispatch_v1.parallel_env,
         [{"site": "small", "n_cars": 3, "max_cycles": 20}] * 3,
         {"car": CHOICE},
         0,
@@ -86,4 +86,4 @@ def test_it_says_what_the_environments_say(case: str) -> None:
 def test_agents_of_a_type_are_alike_in_all() -> None:
     dealt = [{"site": "small", "n_cars": 2, "candidates_n": k} for k in (3, 4)]
     with pytest.raises(TrainingError, match="valid: the same in all"):
-        VectorBatch(dispatch_v0.parallel_env, dealt)
+        VectorBatch(dispatch_v1.parallel_env, dealt)

@@ -10,7 +10,7 @@ from types import ModuleType
 
 import pytest
 
-from fleet.envs import dispatch_v0, handover_v0, navigate_v1, traffic_v1, warehouse_v1
+from fleet.envs import dispatch_v1, handover_v0, navigate_v1, traffic_v1, warehouse_v1
 from fleet.envs.core.env_config import EnvConfig, UnknownSetting
 from fleet.envs.dispatch.env import DispatchConfig
 from fleet.envs.handover.config import HandoverConfig
@@ -24,7 +24,7 @@ from maps.site import load_site
 
 KINDS: list[tuple[type[EnvConfig], ModuleType]] = [
     (WarehouseConfig, warehouse_v1),
-    (DispatchConfig, dispatch_v0),
+    (DispatchConfig, dispatch_v1),
     (TrafficEnvConfig, traffic_v1),
     (NavigationConfig, navigate_v1),
     (HandoverConfig, handover_v0),
@@ -72,7 +72,7 @@ def test_how_it_is_shown_decides_nothing() -> None:
     assert shown.deciding() == DispatchConfig().deciding()
     assert {"site", "seed", "load", "decision_s"} <= shown.deciding().keys()
     assert shown.recordings == Path("somewhere")
-    assert DispatchConfig().recordings == Path("runs/dispatch_v0")
+    assert DispatchConfig().recordings == Path("runs/dispatch_v1")
 
 
 def test_a_site_itself_is_only_for_the_grid() -> None:

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from fleet.config import Fidelity
-from fleet.envs import dispatch_v0
+from fleet.envs import dispatch_v1
 from fleet.envs.core.base import EnvState
 from fleet.envs.core.state_file import StateError, plain, read_state, write_state
 from fleet.envs.navigate.navigation import NavigationWeights
@@ -68,7 +68,7 @@ def test_arrays_come_back_to_the_last_bit_and_can_be_changed(tmp_path: Path) -> 
 def test_a_whole_site_comes_back(tmp_path: Path) -> None:
     site = load_site("cell")
     assert there_and_back(site, tmp_path) == site
-    env = dispatch_v0.parallel_env(site=site, n_cars=2)
+    env = dispatch_v1.parallel_env(site=site, n_cars=2)
     env.reset(seed=0)
     env.step({})
     env.save_state().write(tmp_path / "state")

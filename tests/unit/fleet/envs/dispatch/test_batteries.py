@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fleet.envs import dispatch_v0
+from fleet.envs import dispatch_v1
 from fleet.envs.dispatch.env import DispatchEnv
 from fleet.envs.dispatch.scenarios import SCENARIOS
 from fleet.envs.grid.fleet import FleetSite, GridFleet
@@ -65,7 +65,7 @@ def test_the_books_of_chargers_and_charge_are_right_in_every_timestep() -> None:
 
 
 def test_cars_are_told_of_charge_and_chargers_behind_all_else_and_of_nothing_without() -> None:
-    with_battery, without = dispatch_v0.parallel_env(**FEW), dispatch_v0.parallel_env(site="small", n_cars=6)
+    with_battery, without = dispatch_v1.parallel_env(**FEW), dispatch_v1.parallel_env(site="small", n_cars=6)
     n = without.observer.n_numbers
     (seen, _), (usual, _) = with_battery.reset(seed=1), without.reset(seed=1)
     for agent, row in seen.items():
@@ -87,7 +87,7 @@ def test_cars_are_told_of_charge_and_chargers_behind_all_else_and_of_nothing_wit
 
 
 def test_a_car_that_takes_nothing_charges_and_leaves_when_it_is_full() -> None:
-    env = dispatch_v0.parallel_env(**FEW | {"n_cars": 2})
+    env = dispatch_v1.parallel_env(**FEW | {"n_cars": 2})
     observations, _ = env.reset(seed=0)
     assert env.view.charge.tolist() == [1.0, ENOUGH]
     for _ in range(20):
@@ -98,7 +98,7 @@ def test_a_car_that_takes_nothing_charges_and_leaves_when_it_is_full() -> None:
 
 
 def test_charge_comes_back_with_a_saved_state() -> None:
-    env, twin = dispatch_v0.parallel_env(**FEW), dispatch_v0.parallel_env(**FEW)
+    env, twin = dispatch_v1.parallel_env(**FEW), dispatch_v1.parallel_env(**FEW)
     said = played(env, "nearest", 3, 60)
     played(env, "nearest", 3, 30)
     state = env.save_state()
@@ -110,7 +110,7 @@ def test_charge_comes_back_with_a_saved_state() -> None:
 
 
 def test_an_outlook_expects_cars_back_when_they_have_enough() -> None:
-    env = dispatch_v0.parallel_env(**FEW)
+    env = dispatch_v1.parallel_env(**FEW)
     policy, (observations, _) = make_policy("dispatch", "nearest"), env.reset(seed=3)
     n_charging = 0
     for _ in range(60):
@@ -125,11 +125,11 @@ def test_an_outlook_expects_cars_back_when_they_have_enough() -> None:
 
 def test_who_rests_in_time_delivers_more_and_without_batteries_rests_never() -> None:
     arguments = {**SCENARIOS["batteries"].arguments, "max_cycles": 200}
-    env = dispatch_v0.parallel_env(**arguments)
+    env = dispatch_v1.parallel_env(**arguments)
     delivered = {}
     for name in ("rested", "hungarian"):
         played(env, name, 1, 200)
         delivered[name] = env.n_delivered
     assert delivered["rested"] > delivered["hungarian"]
-    usual = dispatch_v0.parallel_env(site="small", n_cars=6)
+    usual = dispatch_v1.parallel_env(site="small", n_cars=6)
     np.testing.assert_equal(played(usual, "rested", 1, 30), played(usual, "hungarian", 1, 30))

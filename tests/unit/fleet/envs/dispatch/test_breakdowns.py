@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from fleet.envs import dispatch_v0
+from fleet.envs import dispatch_v1
 from fleet.envs.dispatch.env import DispatchEnv
 from fleet.envs.dispatch.view import N_OWN
 from fleet.envs.grid.fleet import FleetSite, GridFleet
@@ -78,7 +78,7 @@ def test_the_books_are_right_and_who_stands_does_not_move() -> None:
 
 
 def test_breakdowns_are_the_seed_s_and_come_back_with_a_saved_state() -> None:
-    env, twin = dispatch_v0.parallel_env(**OFTEN), dispatch_v0.parallel_env(**OFTEN)
+    env, twin = dispatch_v1.parallel_env(**OFTEN), dispatch_v1.parallel_env(**OFTEN)
     said = played(env, 3)
     np.testing.assert_equal(played(twin, 3), said)
     assert any(Phase.OUT in phases for *_, phases in said)
@@ -94,7 +94,7 @@ def test_breakdowns_are_the_seed_s_and_come_back_with_a_saved_state() -> None:
 
 
 def test_who_is_out_of_service_sees_no_phase_and_can_choose_nothing() -> None:
-    env = dispatch_v0.parallel_env(**OFTEN)
+    env = dispatch_v1.parallel_env(**OFTEN)
     n_out = 0
     for observations, _, phases in played(env, 3):
         for seen, phase in zip(observations.values(), phases, strict=True):
@@ -107,7 +107,7 @@ def test_who_is_out_of_service_sees_no_phase_and_can_choose_nothing() -> None:
 
 
 def test_an_outlook_expects_cars_back_after_the_mean_time_and_lost_ones_never() -> None:
-    env = dispatch_v0.parallel_env(**OFTEN)
+    env = dispatch_v1.parallel_env(**OFTEN)
     n_back = n_lost = 0
     policy, (observations, _) = make_policy("dispatch", "nearest"), env.reset(seed=3)
     for _ in range(80):
@@ -124,7 +124,7 @@ def test_an_outlook_expects_cars_back_after_the_mean_time_and_lost_ones_never() 
 
 
 def test_a_task_that_was_given_back_can_be_chosen_again() -> None:
-    env = dispatch_v0.parallel_env(**OFTEN)
+    env = dispatch_v1.parallel_env(**OFTEN)
     policy, (observations, _) = make_policy("dispatch", "nearest"), env.reset(seed=3)
     had: dict[int, int] = {}
     n_again = 0

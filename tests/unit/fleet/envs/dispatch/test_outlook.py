@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fleet.envs import dispatch_v0
+from fleet.envs import dispatch_v1
 from fleet.envs.dispatch.env import DispatchEnv
 from fleet.envs.dispatch.outlook import CHANGE_STEPS, Jobs, Outlook, Rule, score_choices
 from fleet.envs.grid.fleet import STATION_ROOM, FleetSite
@@ -92,7 +92,7 @@ def test_orders_to_come_are_taken_in_the_next_round(place: FleetSite) -> None:
 
 
 def test_the_model_keeps_step_with_the_grid() -> None:
-    env = dispatch_v0.parallel_env(site="small", n_cars=6)
+    env = dispatch_v1.parallel_env(site="small", n_cars=6)
     for name, mean in (("nearest", 0.0), ("apparent_tardiness", mean_cycle_s(env.place))):
         observations, _ = env.reset(seed=3)
         assert env.fleet is not None
@@ -111,7 +111,7 @@ def test_the_model_keeps_step_with_the_grid() -> None:
 
 @pytest.mark.parametrize("fidelity", ["grid", "kinematic"])
 def test_an_outlook_is_the_fleet_and_knows_no_order_before_its_release(fidelity: str) -> None:
-    env = dispatch_v0.parallel_env(site="small", n_cars=4, fidelity=fidelity, max_cycles=20)
+    env = dispatch_v1.parallel_env(site="small", n_cars=4, fidelity=fidelity, max_cycles=20)
     observations, _ = env.reset(seed=0)
     policy = make_policy("dispatch", "nearest")
     while env.agents:

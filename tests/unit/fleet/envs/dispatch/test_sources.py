@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from fleet.config import StreamConfig
-from fleet.envs import dispatch_v0
+from fleet.envs import dispatch_v1
 from fleet.envs.dispatch.env import DispatchEnv
 from fleet.envs.dispatch.outlook import Jobs, Outlook, Rule, score_choices
 from fleet.envs.grid.fleet import STATION_ROOM, FleetSite, GridFleet, one_per_order
@@ -24,7 +24,7 @@ SEVERAL = {"site": "medium", "n_cars": 10, "load": 1.6, "stream": {"sources_n": 
 
 def several() -> DispatchEnv:
     """Return an environment in which every order has three sources."""
-    return dispatch_v0.parallel_env(**SEVERAL, max_cycles=100)
+    return dispatch_v1.parallel_env(**SEVERAL, max_cycles=100)
 
 
 def test_an_order_has_a_task_for_each_source_and_one_of_them_is_done() -> None:
@@ -141,6 +141,6 @@ def test_an_outlook_knows_the_orders_and_futures_have_others() -> None:
 
 def test_where_the_fleet_chooses_the_source_it_is_refused() -> None:
     with pytest.raises(ConfigError, match=r"stream.sources_n is 2; valid: 1 but for fidelity grid"):
-        dispatch_v0.parallel_env(site="small", fidelity="kinematic", stream={"sources_n": 2})
+        dispatch_v1.parallel_env(site="small", fidelity="kinematic", stream={"sources_n": 2})
     with pytest.raises(ConfigError, match=r"stream.sources_n is 0; valid: an integer >= 1"):
-        dispatch_v0.parallel_env(site="small", stream={"sources_n": 0})
+        dispatch_v1.parallel_env(site="small", stream={"sources_n": 0})

@@ -7,8 +7,8 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from fleet.envs.dispatch.view import DispatchObserver, DispatchView
-from fleet.envs.grid.fleet import STATION_ROOM, FleetSite
+from fleet.envs.dispatch.view import N_OWN, N_PER_CANDIDATE, SOON_S, TIME_S, DispatchObserver, DispatchView
+from fleet.envs.grid.fleet import STATION_ROOM, TIMESTEP_S, FleetSite
 from fleet.envs.grid.kernel import NONE, Phase
 from maps.site import load_site
 
@@ -72,13 +72,44 @@ def test_candidates_are_the_most_pressing_of_each_station_in_turn(place: FleetSi
     assert n_found > 2000
 
 
+def line_by_hand(place: FleetSite, view: DispatchView, station: int) -> list[float]:
+    """Return what a car is told of what waits at a station, found the long way."""
+    line = sorted(
+        (view.rank[j], view.due_s[j], view.task[j])
+        for j in range(len(view.task))
+        if station in (view.pick[j], view.drop[j])
+    )
+    service_s = place.floor.service_steps * TIMESTEP_S
+    due_s = np.array([due_s for _, due_s, _ in line])
+    spare_s = due_s - (view.under_way[station] + np.arange(1, len(line) + 1)) * service_s
+    late = np.flatnonzero(due_s < 0.0)
+    first = int(late[0]) + 1 if len(late) else 0
+    shares = [r / (r + len(view.state)) for r in (len(line), len(late), int((spare_s < SOON_S).sum()), first)]
+    return [shares[0], float(np.clip(spare_s.min() / TIME_S, -1.0, 1.0)), *shares[1:]]
+
+
+def test_each_candidate_tells_what_waits_at_its_stations() -> None:
+    """Late tasks behind others that press more were not seen by cars, which went on to serve other stations."""
+    rng, k, told = np.random.default_rng(3), 4, []
+    for _ in range(100):
+        view = any_view(MEDIUM, rng)
+        rows, mask, candidates = DispatchObserver(MEDIUM, k).look(view)
+        for car, c in zip(*np.nonzero(mask[:, 1:]), strict=True):
+            j = int(np.flatnonzero(view.task == candidates[car, c])[0])
+            expected = line_by_hand(MEDIUM, view, view.pick[j]) + line_by_hand(MEDIUM, view, view.drop[j])[:3]
+            at = N_OWN + N_PER_CANDIDATE * int(c)
+            np.testing.assert_allclose(rows[car, at + 11 : at + N_PER_CANDIDATE], expected, rtol=1e-6)
+            told.append(expected)
+    assert (np.std(told, axis=0) > 0.05).all()
+
+
 def test_the_last_numbers_tell_of_the_fleet() -> None:
     rng, k = np.random.default_rng(1), 3
     for _ in range(50):
         view = any_view(MEDIUM, rng)
         n, m = len(view.state), len(view.task)
         rows, *_ = DispatchObserver(MEDIUM, k).look(view)
-        assert rows.shape == (n, 12 + 11 * k + 5)
+        assert rows.shape == (n, 12 + 19 * k + 5)
         loaded = np.mean((view.phase == Phase.TO_DROP) | (view.phase == Phase.UNLOADING))
         late = np.mean(view.due_s < 0.0) if m else 0.0
         told = [np.mean(view.free), m / (m + n), loaded, late, 0.25]
