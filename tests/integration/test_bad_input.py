@@ -401,7 +401,7 @@ def test_a_user_who_may_not_write_there_is_told_so(repository: Path) -> None:
         png, svg, lif = done.stderr.splitlines()[-3:]
         assert "PNG x.png: Permission denied; valid: a file that can be written" in png
         assert "SVG x.svg: Permission denied; valid: a file that can be written" in svg
-        assert "x.lif.json: Permission denied; valid: a path that you may read or write" in lif
+        assert "FILE x.lif.json: Permission denied; valid: a file that can be written" in lif
         assert [path.name for path in Path(folder).iterdir()] == ["recording.rrd"]
 
 

@@ -31,6 +31,19 @@ def recording_of(folder: Path) -> Path:
     path = folder / RECORDING if folder.is_dir() else folder
     if not path.exists():
         raise ConfigError(f"no recording at {path}; valid: the --out directory of a run without --no-record")
+    return path
+
+
+def shown_recording_of(folder: Path) -> Path:
+    """The recording of a run, which a viewer is to show.
+
+    Args:
+        folder: Directory of a run, or the recording itself.
+
+    Raises:
+        ConfigError: There is none, or it is something else.
+    """
+    path = recording_of(folder)
     with path.open("rb") as file:
         is_recording = file.read(len(_BEGINNING)) == _BEGINNING
     require(is_recording, "FOLDER", str(folder), "the --out directory of a run, or a recording (.rrd)")

@@ -10,7 +10,7 @@ from typing import Annotated
 import tyro
 
 from fleet.cli.recordings.picture_file import require_writable
-from fleet.cli.recordings.run_recording import moment_of, recording_of
+from fleet.cli.recordings.run_recording import moment_of, shown_recording_of
 from fleet.cli.run_output import plain_console
 from fleet.config import require
 
@@ -40,7 +40,7 @@ class Shot:
         width, height = parse_size(self.size) or (0, 0)
         fits = 0 < width <= MOST_PX and 0 < height <= MOST_PX
         require(fits, "--size", self.size, f"WIDTHxHEIGHT, each from 1 to {MOST_PX}")
-        path = recording_of(self.folder)
+        path = shown_recording_of(self.folder)
         at_s = moment_of(self.at, path)
         require_writable("PNG", self.png, ".png")
         complaints = screenshot(path, self.png, time_s=at_s, size=(width, height), view=self.view)

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import tyro
 
-from fleet.cli.recordings.run_recording import moment_of, recording_of
+from fleet.cli.recordings.run_recording import moment_of, shown_recording_of
 from fleet.cli.run_output import plain_console, show_recording
 
 
@@ -23,6 +23,6 @@ class View:
 
     def run(self) -> int:
         """Open it."""
-        path = recording_of(self.folder)
+        path = shown_recording_of(self.folder)
         show_recording(plain_console(), path, view=True, at_s=moment_of(self.at, path))
         return 0
