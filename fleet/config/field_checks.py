@@ -14,7 +14,10 @@ def is_whole(value: object) -> TypeGuard[int]:
 
 def is_number(value: object) -> TypeGuard[float]:
     """Whether a value is a finite number, and no truth value."""
-    return _is_real(value) and math.isfinite(value)
+    try:
+        return _is_real(value) and math.isfinite(value)
+    except OverflowError:  # an integer that is too large for a float
+        return False
 
 
 def _is_real(value: object) -> TypeGuard[float]:

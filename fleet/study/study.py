@@ -6,9 +6,11 @@ import dataclasses
 import json
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import repeat
 from pathlib import Path
 from typing import Any
 
+from fleet.config.field_checks import is_number
 from fleet.recording.run_file import plain
 from fleet.robots.cars.models import usual_car
 from fleet.run.starts import require_room
@@ -111,7 +113,7 @@ def kept_rate(out: Path) -> float:
     """
     path = out / SETTINGS
     rate_per_h = _settings(path)["stream"].get("rate_per_h")
-    if not isinstance(rate_per_h, int | float):
+    if not is_number(rate_per_h):
         raise _not_of_study(path)
     return float(rate_per_h)
 
@@ -160,9 +162,12 @@ def _settings(path: Path) -> dict[str, Any]:
         known = read_json(path)
     except (OSError, ValueError) as error:
         raise StudyError(f"--resume: there is no study in {path.parent} ({error}); valid: without --resume") from error
-    names = {field.name for field in dataclasses.fields(Design)}
-    whole = isinstance(known, dict) and names <= set(known) and all(isinstance(known[name], list) for name in _GROWING)
-    if not whole or not isinstance(known["allocator_settings"], dict) or not isinstance(known["stream"], dict):
+    kinds = {"allocator_settings": dict, "stream": dict, **dict.fromkeys(_GROWING, list)}
+    whole = isinstance(known, dict) and {field.name for field in dataclasses.fields(Design)} <= set(known)
+    if not whole or not all(isinstance(known[name], kind) for name, kind in kinds.items()):
+        raise _not_of_study(path)
+    entries = [*zip(known["allocators"], repeat(str)), *zip((*known["robots"], *known["seeds"]), repeat(int))]
+    if not all(type(entry) is kind for entry, kind in entries):
         raise _not_of_study(path)
     return known
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -137,7 +138,14 @@ def read_rows(path: Path) -> list[Row]:
     lines = list(csv.reader(whole.splitlines()))
     if not lines or tuple(lines[0]) != COLUMNS:
         raise StudyError(f"study file {path}, line 1: is not the header of a study; valid: {','.join(COLUMNS)}")
-    return [_row(line, f"study file {path}, line {number}") for number, line in enumerate(lines[1:], start=2)]
+    rows = {}
+    for number, line in enumerate(lines[1:], start=2):
+        where = f"study file {path}, line {number}"
+        row = _row(line, where)
+        if row.variant in rows:
+            raise StudyError(f"{where}: is the run of another line again; valid: each run once")
+        rows[row.variant] = row
+    return list(rows.values())
 
 
 def _fields(row: Row) -> list[str]:
@@ -161,9 +169,18 @@ def _value(kind: Any, text: str) -> Any:
         if text not in ("True", "False"):
             raise ValueError(text)
         return text == "True"
-    if kind in (int, float, str):
+    if kind in (int, str):
         return kind(text)
-    return float(text) if text else None
+    if kind is float:
+        return _finite(text)
+    return _finite(text) if text else None
+
+
+def _finite(text: str) -> float:
+    number = float(text)
+    if not math.isfinite(number):
+        raise ValueError(text)
+    return number
 
 
 _TYPES = {name: get_type_hints(Row)[name] for name in COLUMNS}

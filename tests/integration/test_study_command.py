@@ -104,9 +104,18 @@ def test_another_study_cannot_be_resumed(tmp_path: Path, capsys: pytest.CaptureF
     assert "was made with stream.rate_per_h 900.0, not 800.0; valid: 900.0, or without" in capsys.readouterr().err
     assert study(tmp_path, "--resume", "--site", "small") == 2
     assert "was made with site 'cell', not 'small'" in capsys.readouterr().err
-    (tmp_path / "study.json").write_text('{"site": "small"}', encoding="utf-8")
-    assert study(tmp_path, "--resume") == 2
-    assert "study.json is not the settings of a study" in capsys.readouterr().err
+    whole = json.loads((tmp_path / "study.json").read_text(encoding="utf-8"))
+    stream = whole["stream"]
+    for wrong in (
+        {"site": "small"},
+        whole | {"robots": [None]},
+        whole | {"allocators": "greedy"},
+        *(whole | {"stream": stream | {"rate_per_h": rate}} for rate in (True, "900", 10**400)),
+    ):
+        (tmp_path / "study.json").write_text(json.dumps(wrong), encoding="utf-8")
+        with pytest.raises(SystemExit):
+            main(["study", *WORDS, "--out", str(tmp_path), "--resume"])
+        assert "study.json is not the settings of a study" in capsys.readouterr().err
 
 
 def test_a_study_goes_on_with_other_sizes_at_its_rate(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

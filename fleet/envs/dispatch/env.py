@@ -29,8 +29,9 @@ clipped to [-1, 1]; distances in units of the longest way between any two places
 | | tasks under way to its pick station and to its drop station / those it has room for |
 | | cars without a task that are nearer to its pick station / 4 |
 | | what waits at its pick station (tasks that nobody has; r of them are told as r / (r + cars)): all of them; the |
-| | least time to spare of any if the arm did nothing but one after the other, the most pressing first (1 = plenty); |
-| | late ones; those with less than two minutes to spare; the place of the first late one in this line |
+| | least time to spare of any if the arm did nothing but serve the cars under way to it and then these, one after the |
+| | other, the most pressing first (1 = plenty); late ones; those with less than two minutes to spare by the same |
+| | reckoning; the place of the first late one in this line |
 | | the first three of these of its drop station |
 | the fleet | share of cars without a task, r / (r + cars) for r ready tasks |
 | | share of cars with a parcel, share of the ready tasks that are late, share of the episode that is left |

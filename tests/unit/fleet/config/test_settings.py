@@ -17,6 +17,7 @@ from fleet.errors import ConfigError
         (3.0, False, True),
         (np.float32(3.5), False, True),
         (True, False, False),
+        (10**400, True, False),
         (float("nan"), False, False),
         (float("inf"), False, False),
         ("3", False, False),

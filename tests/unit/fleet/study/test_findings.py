@@ -80,6 +80,12 @@ def test_a_line_that_was_cut_off_is_left_out_and_a_wrong_one_is_named(tmp_path: 
     path.write_text(text.replace("greedy,1,1", "greedy,one,1"), encoding="utf-8")
     with pytest.raises(StudyError, match=r"line 3: robots is 'one'"):
         read_rows(path)
+    path.write_text(text.replace("greedy,1,1", "greedy,1,0"), encoding="utf-8")
+    with pytest.raises(StudyError, match="line 3: is the run of another line again"):
+        read_rows(path)
+    path.write_text(text.replace(f",{ROWS[0].throughput_per_h},", ",nan,", 1), encoding="utf-8")
+    with pytest.raises(StudyError, match="line 2: throughput_per_h is 'nan'"):
+        read_rows(path)
     path.write_text("a,b\n", encoding="utf-8")
     with pytest.raises(StudyError, match="line 1: is not the header"):
         read_rows(path)
