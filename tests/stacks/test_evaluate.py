@@ -56,7 +56,7 @@ def test_what_was_learned_is_refused_where_agents_see_something_else(
     learned: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(SCENARIOS, "toy", dataclasses.replace(TOY, arguments={"candidates_n": 3}))
-    with pytest.raises(TrainingError, match="agents of type car observe 50 numbers"):
+    with pytest.raises(TrainingError, match="agents of type car observe 74 numbers"):
         play_split("toy", "train", player_named(str(learned), SCENARIOS["toy"]), 1)
     monkeypatch.setitem(SCENARIOS, "toy", dataclasses.replace(TOY, env="traffic_v1"))
     with pytest.raises(PolicyError, match="was trained on dispatch_v1; valid: one trained on traffic_v1"):
