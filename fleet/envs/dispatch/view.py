@@ -316,5 +316,9 @@ def fill_candidates(
             rows[car, at + 8] = view.under_way[view.pick[j]] / STATION_ROOM
             rows[car, at + 9] = view.under_way[view.drop[j]] / STATION_ROOM
             rows[car, at + 10] = nearer / MOST_CROWDED
-            rows[car, at + 11 : at + 11 + N_LINE] = line_of[view.pick[j]]
-            rows[car, at + 11 + N_LINE : at + 11 + N_LINE + N_DROP_LINE] = line_of[view.drop[j], :N_DROP_LINE]
+            at += 11
+            for number in range(N_LINE):
+                rows[car, at + number] = line_of[view.pick[j], number]
+            at += N_LINE
+            for number in range(N_DROP_LINE):
+                rows[car, at + number] = line_of[view.drop[j], number]
