@@ -6,11 +6,10 @@ import dataclasses
 import json
 from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import repeat
 from pathlib import Path
 from typing import Any
 
-from fleet.config.field_checks import is_number
+from fleet.config.field_checks import is_number, is_whole
 from fleet.recording.run_file import plain
 from fleet.robots.cars.models import usual_car
 from fleet.run.starts import require_room
@@ -91,13 +90,14 @@ def run_study(
     variants = design.variants
     done = {row.variant for row in table.rows}
     missing = [variant for variant in variants if variant not in done]
-    n_others = len(table.rows) - (len(variants) - len(missing))
+    n_done = len(variants) - len(missing)
     try:
         configs = [design.run_config(variant) for variant in missing]
         for row in backend(configs, jobs, interrupted) if configs else ():
             if row is not None:
                 table.add(row)
-            progress(len(table.rows) - n_others, len(variants))
+                n_done += 1
+            progress(n_done, len(variants))
     finally:
         table.finish()
     asked = set(variants)
@@ -166,8 +166,8 @@ def _settings(path: Path) -> dict[str, Any]:
     whole = isinstance(known, dict) and {field.name for field in dataclasses.fields(Design)} <= set(known)
     if not whole or not all(isinstance(known[name], kind) for name, kind in kinds.items()):
         raise _not_of_study(path)
-    entries = [*zip(known["allocators"], repeat(str)), *zip((*known["robots"], *known["seeds"]), repeat(int))]
-    if not all(type(entry) is kind for entry, kind in entries):
+    names, numbers = known["allocators"], (*known["robots"], *known["seeds"])
+    if not all(isinstance(name, str) for name in names) or not all(map(is_whole, numbers)):
         raise _not_of_study(path)
     return known
 

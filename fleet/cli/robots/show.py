@@ -49,9 +49,9 @@ class RobotShow:
         most = sheet.payload_kg if sheet.kind == "vehicle" and sheet.payload_kg else 0.0
         require(0.0 <= self.load <= most, "--load", self.load, f"a number from 0 to {most:g} with {sheet.name}")
         require(0.0 <= self.push <= MOST_PUSH_MPS, "--push", self.push, f"a number from 0 to {MOST_PUSH_MPS:g}")
+        drives, needs = sheet.kind == "vehicle", f"with a vehicle, and {sheet.name} is of kind {sheet.kind}"
         for option, given in (("--lanes", self.lanes), ("--push", self.push > 0.0), ("--seed", self.seed > 0)):
-            fits = sheet.kind == "vehicle"
-            require_with(option, given, fits, f"with a vehicle, and {sheet.name} is of kind {sheet.kind}")
+            require_with(option, given, drives, needs)
         require_folder("--out", self.out)
         console = plain_console(columns=PLAIN_WIDTH)
         about = Table(title=f"{sheet.name}: {sheet.kind}, {sheet.drive}")

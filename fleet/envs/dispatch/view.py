@@ -110,15 +110,17 @@ class DispatchObserver:
         candidates = np.full((n, k), NONE, dtype=np.int32)
         mask[:, 0] = 1
         self._tell_own(view, rows)
-        fill_candidates(
-            self._place.floor,
-            view,
-            np.lexsort((view.task, view.due_s, view.rank)),
-            self._place.far_steps,
-            rows,
-            mask,
-            candidates,
-        )
+        # In four of ten steps nobody can choose, and what waits need not be looked through.
+        if len(view.task) and view.free.any():
+            fill_candidates(
+                self._place.floor,
+                view,
+                np.lexsort((view.task, view.due_s, view.rank)),
+                self._place.far_steps,
+                rows,
+                mask,
+                candidates,
+            )
         rows[:, 11] = mask[:, 1]
         at = N_OWN + k * N_PER_CANDIDATE
         rows[:, at : at + N_SUMMARY] = self._summary(view)
@@ -269,7 +271,7 @@ def fill_candidates(
         if n_in_line[pick] < k and max(view.under_way[pick], view.under_way[view.drop[pressing[a]]]) < STATION_ROOM:
             line[pick, n_in_line[pick]] = a
             n_in_line[pick] += 1
-    line_of = lines(view, pressing, n_stations, floor.service_steps * TIMESTEP_S)
+    waiting = lines(view, pressing, n_stations, floor.service_steps * TIMESTEP_S)
     free_cars = np.flatnonzero(view.free)
     keys = np.empty(n_stations, dtype=np.int64)
     chosen = np.empty(k, dtype=np.int64)
@@ -318,7 +320,7 @@ def fill_candidates(
             rows[car, at + 10] = nearer / MOST_CROWDED
             at += 11
             for number in range(N_LINE):
-                rows[car, at + number] = line_of[view.pick[j], number]
+                rows[car, at + number] = waiting[view.pick[j], number]
             at += N_LINE
             for number in range(N_DROP_LINE):
-                rows[car, at + number] = line_of[view.drop[j], number]
+                rows[car, at + number] = waiting[view.drop[j], number]
