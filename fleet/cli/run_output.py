@@ -156,7 +156,10 @@ def show_run(
     console.print(run_table({"value": vars(result)}, short=short))
     if recorded:
         show_recording(console, out / RECORDING, view=view)
-    show_next(console, out)
+    if result.sim_s > 0.0:
+        show_next(console, out)
+    elif result.tasks_total == 0:
+        console.print("the run ended at once: no order comes within --duration", soft_wrap=True)
     for line in result.events_not_happened:
         console.print(f"did not happen: {line}", soft_wrap=True)
 

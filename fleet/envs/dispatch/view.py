@@ -238,6 +238,31 @@ def lines(
 
 
 @allocating
+def least_ways(
+    floor: Floor, states: Ints, n_in_line: npt.NDArray[np.int64]
+) -> npt.NDArray[np.int64]:  # pragma: no cover - compiled
+    """Find how near the nearest free cars are to each station at which tasks are on offer.
+
+    Args:
+        floor: The site.
+        states: Of the free cars, shape (f,).
+        n_in_line: Tasks on offer at each station, shape (k,).
+
+    Returns:
+        The least distances, ascending, in timesteps, shape (k, `MOST_CROWDED`).
+    """
+    near = np.full((len(n_in_line), MOST_CROWDED), np.int64(UNREACHABLE))
+    for station in range(len(n_in_line)):
+        if n_in_line[station] > 0:
+            own, moves = near[station], floor.distance[floor.dock_row[station]]
+            for state in states:
+                if moves[state] < own[-1]:
+                    own[-1] = moves[state]
+                    own.sort()
+    return near
+
+
+@allocating
 def fill_candidates(
     floor: Floor,
     view: DispatchView,
@@ -273,6 +298,7 @@ def fill_candidates(
             n_in_line[pick] += 1
     waiting = lines(view, pressing, n_stations, floor.service_steps * TIMESTEP_S)
     free_cars = np.flatnonzero(view.free)
+    near = least_ways(floor, view.state[free_cars], n_in_line)
     keys = np.empty(n_stations, dtype=np.int64)
     chosen = np.empty(k, dtype=np.int64)
     for car in free_cars:
@@ -297,13 +323,8 @@ def fill_candidates(
             moves, j = chosen[c] // _TIES, pressing[chosen[c] % _TIES]
             candidates[car, c] = view.task[j]
             mask[car, c + 1] = 1
-            pick_row = floor.dock_row[view.pick[j]]
             rest = floor.distance[floor.dock_row[view.drop[j]], floor.dock_state[view.pick[j]]]
-            nearer = 0
-            for other in free_cars:
-                nearer += int(floor.distance[pick_row, view.state[other]] < moves)
-                if nearer == MOST_CROWDED:
-                    break
+            nearer = np.searchsorted(near[view.pick[j]], moves)
             at = N_OWN + c * N_PER_CANDIDATE
             rows[car, at] = 1.0
             rows[car, at + 1] = moves / far_steps

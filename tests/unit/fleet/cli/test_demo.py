@@ -22,6 +22,12 @@ def show(tmp_path: Path, capsys: pytest.CaptureFixture[str], *words: str) -> str
     return capsys.readouterr().out
 
 
+def test_a_run_without_orders_says_so_and_names_no_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    said = show(tmp_path, capsys, "--stream", "poisson", "--rate", "0.5")
+    assert said.splitlines()[-1] == "the run ended at once: no order comes within --duration"
+    assert "report" not in said
+
+
 @pytest.fixture
 def opened(monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
     """Return the commands that would have opened a viewer."""
