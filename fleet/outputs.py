@@ -9,18 +9,21 @@ from fleet.errors import ConfigError
 from fleet.whole_file import require_place
 
 
-def require_file(option: str, path: Path | None) -> None:
+def require_file(option: str, path: Path | None, *inputs: Path, than: str = "what is read") -> None:
     """See that a file can be written, if there is to be one; leaves nothing behind.
 
     Args:
         option: What the command calls it.
         path: The file; None = there is to be none.
+        inputs: See `require_other`.
+        than: See `require_other`.
 
     Raises:
-        ConfigError: Its folder is not there or cannot be written, or it is no file.
+        ConfigError: Its folder is not there or cannot be written, it is no file, or it is one of the inputs.
     """
     if path is None:
         return
+    require_other(option, path, *inputs, than=than)
     try:
         require_place(path)
     except OSError as error:

@@ -11,7 +11,7 @@ import tyro
 
 from fleet.config import ArmConfig, Grip, require
 from fleet.errors import FleetError
-from fleet.outputs import require_file, require_other
+from fleet.outputs import require_file
 from fleet.whole_file import write_whole
 
 if TYPE_CHECKING:
@@ -46,8 +46,7 @@ class SiteCheck:
         from maps.report import check_site, draw_site
         from maps.site import load_site
 
-        require_file("--graphml", self.graphml)
-        require_other("--graphml", self.graphml, Path(self.site))
+        require_file("--graphml", self.graphml, Path(self.site))
         site = load_site(self.site)
         report, refused = check_site(site), _unreached(site, self.grip, ArmConfig(model=self.arms))
         console = plain_console()
@@ -166,8 +165,7 @@ class SiteConvert:
         for name in ("pick", "drop", "parking"):
             value = getattr(self, name)
             require(1 <= value <= MOST, f"--{name}", value, f"an integer from 1 to {MOST}")
-        require_other("OUT", self.out, self.map)
-        require_file("OUT", self.out)
+        require_file("OUT", self.out, self.map)
         site = site_from_map(self.map, pick=self.pick, drop=self.drop, parking=self.parking)
         _require_reach(_unreached(site, self.grip))
         return _save(site, self.out)
@@ -189,8 +187,7 @@ class SiteExport:
         from maps.layouts.formats import LAYOUT_FORMATS, format_of
         from maps.site import load_site
 
-        require_other("FILE", self.file, Path(self.site))
-        require_file("FILE", self.file)
+        require_file("FILE", self.file, Path(self.site))
         name = self.format or format_of(self.file.name)
         layout_format = LAYOUT_FORMATS[name]
         text = layout_format.write(load_site(self.site))
@@ -224,8 +221,7 @@ class SiteImport:
         from maps.layouts.to_site import site_of_layout
         from maps.reading.text_file import read_text
 
-        require_other("--out", self.out, self.file)
-        require_file("--out", self.out)
+        require_file("--out", self.out, self.file)
         layout_format = LAYOUT_FORMATS[self.format or format_of(self.file.name)]
         text = read_text(self.file, str(self.file), valid=layout_format.title)
         layout = one_level(layout_format.read(text, str(self.file)), self.level, str(self.file))

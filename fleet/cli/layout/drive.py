@@ -16,7 +16,7 @@ from fleet.cli.run_output import figure_table, least_clearance, plain_console
 from fleet.cli.site import FORMATS
 from fleet.config import require
 from fleet.config.settings import positive
-from fleet.outputs import require_file, require_other
+from fleet.outputs import require_file
 from fleet.terminal.progress_bar import Bar
 from fleet.whole_file import write_whole
 
@@ -61,8 +61,7 @@ class LayoutDrive:
         require(self.trips >= 1, "--trips", self.trips, "an integer >= 1")
         require(self.seed >= 0, "--seed", self.seed, "an integer >= 0")
         for name, file in (("--json", self.json), ("--record", self.record)):
-            require_file(name, file)
-            require_other(name, file, self.file)
+            require_file(name, file, self.file)
         lanes = read_lanes(self.file, self.format, self.level)
         from fleet.free_lanes.run import LayoutRun
         from fleet.recording.run_file import plain

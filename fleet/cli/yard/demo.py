@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Literal
 from fleet.cli.run_output import figure_table, least_clearance, plain_console
 from fleet.config import require
 from fleet.config.settings import positive
-from fleet.outputs import require_file, require_other
+from fleet.outputs import require_file
 from fleet.terminal.progress_bar import Bar
 from fleet.whole_file import write_whole
 
@@ -47,8 +47,7 @@ class YardDemo:
         positive("--duration", self.duration)
         require(self.seed >= 0, "--seed", self.seed, "an integer >= 0")
         for name, file in (("--json", self.json), ("--record", self.record)):
-            require_file(name, file)
-            require_other(name, file, Path(self.yard))
+            require_file(name, file, Path(self.yard))
         from fleet.recording.run_file import plain
         from fleet.world import plain_world
         from fleet.world.kinematic import KinematicWorld

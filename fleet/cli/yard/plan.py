@@ -12,7 +12,7 @@ import tyro
 
 from fleet.cli.run_output import figure_table, plain_console
 from fleet.config import require
-from fleet.outputs import require_file, require_other
+from fleet.outputs import require_file
 from fleet.whole_file import draft_of
 
 if TYPE_CHECKING:
@@ -80,8 +80,7 @@ class YardPlan:
 
     def _check_output(self) -> None:
         """Refuse an output that cannot be written, before the time is spent."""
-        require_other("--output", self.output, self.instance, than="the instance")
-        require_file("--output", self.output)
+        require_file("--output", self.output, self.instance, than="the instance")
 
 
 def _crossing(problem: OpenFloorProblem) -> OpenFloorProblem:
