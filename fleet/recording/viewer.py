@@ -61,7 +61,7 @@ class Viewer:
         """Open a recording and wait until all of it is there.
 
         Raises:
-            RecordingError: It takes too long.
+            RecordingError: It takes too long, or the viewer cannot read it.
         """
         self.ask(lambda client: client.open(str(rrd.resolve())))
         deadline = time.monotonic() + _LOAD_S
@@ -69,6 +69,8 @@ class Viewer:
             if time.monotonic() > deadline:
                 raise RecordingError(f"the viewer did not load {rrd} within {_LOAD_S:.0f} s")
             time.sleep(0.1)
+        if not self.ask(lambda client: client.get_state().recordings):
+            raise RecordingError(f"the viewer finds no recording in {rrd}; valid: a whole .rrd file of this version")
 
     def go_to(self, time_s: float, rrd: Path) -> None:
         """Show a moment of the recording that is loaded.
@@ -97,7 +99,7 @@ def open_window(rrd: Path, time_s: float | None = None) -> None:
         time_s: Simulated time to show [s]; None = where it opens.
 
     Raises:
-        RecordingError: The recording has nothing at that time, or the viewer does not run here.
+        RecordingError: The recording has nothing at that time or cannot be read, or the viewer does not run here.
     """
     if time_s is None:
         options = [str(rerun_program()), "--bind", "127.0.0.1", str(rrd)]

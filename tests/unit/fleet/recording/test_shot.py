@@ -92,3 +92,13 @@ def test_the_viewer_paints_every_layout_without_complaints(
         pytest.skip(str(error))
     assert complaints == ()
     assert len((tmp_path / "a.png").read_bytes()) > 50_000
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not SOFTWARE_DRIVER, reason="needs the software Vulkan driver (mesa-vulkan-drivers)")
+def test_a_file_that_only_begins_like_a_recording_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "a.rrd"
+    path.write_bytes(b"RRF2 and then something else")
+    with pytest.raises(RecordingError, match="the viewer finds no recording in "):
+        screenshot(path, tmp_path / "a.png")
+    assert not (tmp_path / "a.png").exists()
