@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.harness import Row, Trial
+from benchmarks.harness import Kind, Row, Trial
 from fleet.envs import warehouse_v1
 from fleet.envs.policies.policy import Policy
 from fleet.envs.policies.warehouse import Classical
@@ -80,15 +80,17 @@ def measure_slack(trial: Trial) -> Iterator[Row]:
         env.close()
         trial.check(len(found.handovers_s) > 0, f"{fidelity}: no hand-over in {n_episodes} episodes")
         name = f"hand-over, {fidelity}"
-        yield Row(name=name, value=found.handover_s, unit=f"s simulated; {len(found.handovers_s)} of them")
+        yield Row(
+            name=name, value=found.handover_s, unit=f"s simulated; {len(found.handovers_s)} of them", kind=Kind.PLAIN
+        )
         for doing in (LIMITS, BELOW, STANDS):
             yield Row(name=f"  {doing}", value=100.0 * found.share(doing), unit="%")
-        yield Row(name="  slack", value=found.slack_s, unit="s simulated")
+        yield Row(name="  slack", value=found.slack_s, unit="s simulated", kind=Kind.PLAIN)
         for step in (BEFORE, *dict.fromkeys(STEPS), OTHER):
             share, slack = found.share(step=step), found.share(step=step) - found.share(LIMITS, step)
             if share > 0.0:
                 unit = f"s simulated; of it slack: {found.handover_s * slack:.2f}"
-                yield Row(name=f"  {step}", value=found.handover_s * share, unit=unit)
+                yield Row(name=f"  {step}", value=found.handover_s * share, unit=unit, kind=Kind.PLAIN)
 
 
 def watch(env: WarehouseEnv, policy: Policy, seeds: Sequence[int]) -> Slack:

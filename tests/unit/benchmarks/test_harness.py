@@ -1,5 +1,6 @@
 """The harness shows figures only of right results, and says which targets they keep."""
 
+import ast
 import io
 import json
 import math
@@ -10,7 +11,7 @@ import pytest
 from rich.console import Console
 
 from benchmarks import harness
-from benchmarks.harness import Benchmark, Kind, Row, Trial, main
+from benchmarks.harness import Benchmark, Kind, Row, Trial, _is_of_time, main
 
 
 @pytest.fixture(autouse=True)
@@ -185,3 +186,20 @@ def test_groups_can_be_run_alone_and_notes_are_said() -> None:
     with pytest.raises(SystemExit) as stop:
         run(benchmark, "--only", "third")
     assert stop.value.code == 2
+
+
+def _untold_times(source: str) -> list[str]:
+    """Units of time, as far as they are written out, of rows that do not say whether it is a time of computing."""
+    calls = (node for node in ast.walk(ast.parse(source)) if isinstance(node, ast.Call))
+    told = ({k.arg: k.value for k in call.keywords} for call in calls if ast.unparse(call.func) == "Row")
+    units = (words["unit"] for words in told if "unit" in words and "kind" not in words)
+    parts = ([unit] if isinstance(unit, ast.Constant) else getattr(unit, "values", []) for unit in units)
+    texts = ("".join(str(part.value) for part in unit if isinstance(part, ast.Constant)) for unit in parts)
+    return [text for text in texts if _is_of_time(text)]
+
+
+def test_rows_of_all_benchmarks_say_of_which_kind_their_times_are() -> None:
+    folder = Path(harness.__file__).parent
+    found = {path.name: _untold_times(path.read_text(encoding="utf-8")) for path in folder.rglob("*.py")}
+    assert {name: units for name, units in found.items() if units} == {}
+    assert _untold_times('Row(name="a", value=1.0, unit=f"s simulated; {n} of them")') == ["s simulated;  of them"]

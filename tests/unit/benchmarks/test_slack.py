@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from benchmarks.harness import Trial
+from benchmarks.training import slack
 from benchmarks.training.slack import BEFORE, BELOW, LIMITS, STANDS, STEPS, Slack, doing, step_of, strain, watch
 from fleet.envs import warehouse_v1
 from fleet.envs.policies.warehouse import Classical
@@ -60,6 +62,15 @@ def test_shares_add_up() -> None:
     found = Slack(handovers_s=[4.0, 6.0], spent_s={("out", LIMITS): 4.0, ("out", STANDS): 1.0, (BEFORE, BELOW): 5.0})
     assert (found.handover_s, found.slack_s) == (5.0, pytest.approx(3.0))
     assert (found.share(step="out"), found.share(STANDS), found.share(LIMITS, BEFORE)) == (0.5, 0.1, 0.0)
+
+
+def test_rows_tell_where_the_time_of_a_hand_over_goes(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = Slack(handovers_s=[4.0, 6.0], spent_s={("out", LIMITS): 4.0, ("out", STANDS): 1.0, (BEFORE, BELOW): 5.0})
+    monkeypatch.setattr(slack, "watch", lambda *_: found)
+    rows = list(slack.measure_slack(Trial(quick=True, seeds=(0,))))
+    told = {row.name: row.value for row in rows[: len(rows) // 2]}  # without physics, then with it
+    assert (told["hand-over, kinematic"], told["  slack"], told["  out"]) == (5.0, pytest.approx(3.0), 2.5)
+    assert all(row.scaled is None for row in rows), "simulated times do not depend on the machine"
 
 
 def test_all_time_of_hand_overs_is_accounted_for() -> None:
