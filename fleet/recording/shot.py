@@ -40,7 +40,8 @@ def screenshot(
         Complaints of the viewer, none if all is well.
 
     Raises:
-        RecordingError: The file or view is missing, it cannot be read, the time is after its end, or the viewer does not run here.
+        RecordingError: The file or view is missing, the file cannot be read, the time is after its end, or the viewer
+            does not run here.
 
     Source: the viewer paints on demand when headless and takes `--screenshot-to` before views have loaded, hence
         the client and the repeated painting.
