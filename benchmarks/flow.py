@@ -27,6 +27,8 @@ WARM_S = 300.0
 """Simulated time before anything is counted [s]."""
 LONG_S = 1_500.0
 """When counting ends on large floors [s]: cars that set off at once deliver in waves, a trip of four minutes apart."""
+QUICK_S = 240.0
+"""How long is counted of a quick run [s]: in a minute between two waves nothing is delivered."""
 APART = 0.8
 """A bound that is below so much of all others binds alone."""
 ALONE, TOGETHER = 0.85, 0.75
@@ -262,7 +264,7 @@ def _physics(trial: Trial) -> Iterable[Row]:
 
 
 def _end_s(trial: Trial, end_s: float = 900.0) -> float:
-    return WARM_S + 60.0 if trial.quick else end_s
+    return WARM_S + QUICK_S if trial.quick else end_s
 
 
 GROUPS = {
