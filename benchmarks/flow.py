@@ -25,8 +25,9 @@ from maps.warehouse import generate_warehouse
 
 WARM_S = 300.0
 """Simulated time before anything is counted [s]."""
-LONG_S = 1_500.0
-"""When counting ends on large floors [s]: cars that set off at once deliver in waves, a trip of four minutes apart."""
+END_S, LONG_S = 900.0, 1_500.0
+"""When counting ends on the shipped sites, and on large floors [s]: cars that set off at once deliver in waves there, a
+trip of four minutes apart."""
 QUICK_S = 240.0
 """How long is counted of a quick run [s]: in a minute between two waves nothing is delivered."""
 APART = 0.8
@@ -45,6 +46,12 @@ class Layout:
     stations: int = 0
     """Pick stations, and as many drop stations; 0 = a shipped site."""
     parking: int = 300
+    end_s: float = LONG_S
+    """When counting ends [s]."""
+
+    def counted_to(self, *, quick: bool) -> float:
+        """When counting ends, of a quick run or a full one [s]."""
+        return WARM_S + QUICK_S if quick else self.end_s
 
     def made(self) -> Site:
         """The site."""
@@ -57,7 +64,7 @@ class Layout:
 
 FLOOR = Layout(name="60 x 100, 18 + 18 stations", rows=60, cols=100, stations=18)
 LARGE = Layout(name="110 x 180, 34 + 34 stations", rows=110, cols=180, stations=34, parking=1_000)
-SMALL, MEDIUM = Layout(name="small"), Layout(name="medium")
+SMALL, MEDIUM = Layout(name="small", end_s=END_S), Layout(name="medium", end_s=END_S)
 OTHERS = (
     Layout(name="50 x 80, 12 + 12 stations", rows=50, cols=80, stations=12),
     Layout(name="70 x 70, 16 + 16 stations", rows=70, cols=70, stations=16),
@@ -75,7 +82,7 @@ class Case:
     seed: int
     orders: int = 3_000
     """All of them open from the start."""
-    end_s: float = 900.0
+    end_s: float
     """When counting ends [s]."""
     fidelity: Fidelity = Fidelity.KINEMATIC
     traffic: TrafficConfig = field(default_factory=TrafficConfig)
@@ -194,11 +201,12 @@ def _share(flows: Sequence[Flow]) -> float:
 
 
 def _targets(
-    layout: Layout, targets: Sequence[tuple[int, float]], *, idle: str = "", end_s: float = 900.0
+    layout: Layout, targets: Sequence[tuple[int, float]], *, idle: str = ""
 ) -> Callable[[Trial], Iterable[Row]]:
     def measure(trial: Trial) -> Iterable[Row]:
+        end_s = layout.counted_to(quick=trial.quick)
         for cars, per_h in targets:
-            cases = [Case(layout=layout, cars=cars, seed=seed, end_s=_end_s(trial, end_s)) for seed in trial.seeds]
+            cases = [Case(layout=layout, cars=cars, seed=seed, end_s=end_s) for seed in trial.seeds]
             flows = list(run_flows(cases))
             yield from _rows(trial, f"{layout.name}, {cars} cars", flows, f">= {per_h:g}", idle)
 
@@ -206,14 +214,15 @@ def _targets(
 
 
 def _small(trial: Trial) -> Iterable[Row]:
-    flows = list(run_flows([Case(layout=SMALL, cars=18, seed=seed, end_s=_end_s(trial)) for seed in trial.seeds]))
+    end_s = SMALL.counted_to(quick=trial.quick)
+    flows = list(run_flows([Case(layout=SMALL, cars=18, seed=seed, end_s=end_s) for seed in trial.seeds]))
     yield from _rows(trial, "small, 18 cars", flows)
     per_pick = float(np.mean([flow.per_pick for flow in flows]))
     yield Row(name="  transfers of a pick station", value=per_pick, unit="/h", target=">= 340")
 
 
 def _large(trial: Trial) -> Iterable[Row]:
-    end_s = _end_s(trial, LONG_S)
+    end_s = LARGE.counted_to(quick=trial.quick)
     flows = list(run_flows([Case(layout=LARGE, cars=1_000, seed=s, orders=8_000, end_s=end_s) for s in trial.seeds]))
     yield from _rows(trial, f"{LARGE.name}, 1,000 cars", flows)
     yield Row(name="  share of the bound that binds", value=_share(flows), unit="", target=f">= {ALONE}")
@@ -223,8 +232,9 @@ def _shares(trial: Trial) -> Iterable[Row]:
     """Sites that nothing was developed on."""
     sizes = SIZES[-1:] if trial.quick else SIZES
     for layout in OTHERS:
+        end_s = layout.counted_to(quick=trial.quick)
         for cars in sizes:
-            cases = [Case(layout=layout, cars=cars, seed=seed, end_s=_end_s(trial, LONG_S)) for seed in trial.seeds]
+            cases = [Case(layout=layout, cars=cars, seed=seed, end_s=end_s) for seed in trial.seeds]
             flows = list(run_flows(cases))
             bounds = [flow.bounds for flow in flows]
             per_h = sorted(
@@ -263,12 +273,8 @@ def _physics(trial: Trial) -> Iterable[Row]:
         yield Row(name="  physics against kinematic", value=ratio, unit="", target=">= 0.97")
 
 
-def _end_s(trial: Trial, end_s: float = 900.0) -> float:
-    return WARM_S + QUICK_S if trial.quick else end_s
-
-
 GROUPS = {
-    "floor": _targets(FLOOR, ((50, 620.0), (100, 1_380.0), (150, 2_000.0), (300, 3_400.0)), idle="<= 3", end_s=LONG_S),
+    "floor": _targets(FLOOR, ((50, 620.0), (100, 1_380.0), (150, 2_000.0), (300, 3_400.0)), idle="<= 3"),
     "medium": _targets(MEDIUM, ((20, 630.0), (40, 1_150.0))),
     "small": _small,
     "large": _large,

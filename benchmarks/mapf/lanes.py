@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import Any
 
-from benchmarks.flow import LONG_S, MEDIUM, WARM_S, Case, Layout, run_flows
+from benchmarks.flow import MEDIUM, Case, Layout, run_flows
 from benchmarks.harness import Row, Trial
 from fleet.charts.statistics import estimate
 from fleet.config import Fidelity, TrafficConfig
@@ -14,8 +13,6 @@ from fleet.config import Fidelity, TrafficConfig
 PIBT, MULTI_STEP = TrafficConfig(planner="pibt"), TrafficConfig(planner="multi_step_pibt")
 HALL = Layout(name="60 x 100", rows=60, cols=100, stations=18, parking=200)
 SEEDS = (0, 1, 2, 3, 4)
-END_S, QUICK_S = 900.0, 60.0
-"""When counting ends on a floor without an end of its own, and how long is counted of a quick run [s]."""
 FIDELITIES = (Fidelity.GRID, Fidelity.KINEMATIC)
 
 
@@ -27,17 +24,15 @@ class Fleet:
     cars: int
     mean: str = ""
     lower: str = ""
-    end_s: float = END_S
-    """When counting ends [s]."""
 
 
-BUSY: dict[str, Any] = {"mean": ">= 3", "lower": ">= 0"}
+BUSY = {"mean": ">= 3", "lower": ">= 0"}
 FLEETS = (
     Fleet(layout=MEDIUM, cars=40, mean=">= 0"),
     Fleet(layout=MEDIUM, cars=80, **BUSY),
     Fleet(layout=MEDIUM, cars=100, **BUSY),
-    Fleet(layout=HALL, cars=200, mean=">= 0", end_s=LONG_S),
-    Fleet(layout=HALL, cars=400, **BUSY, end_s=LONG_S),
+    Fleet(layout=HALL, cars=200, mean=">= 0"),
+    Fleet(layout=HALL, cars=400, **BUSY),
 )
 
 
@@ -46,7 +41,7 @@ def measure_lanes(trial: Trial) -> Iterable[Row]:
     seeds = SEEDS[:1] if trial.quick else SEEDS
     for fidelity in FIDELITIES:
         for fleet in FLEETS:
-            end_s = WARM_S + QUICK_S if trial.quick else fleet.end_s
+            end_s = fleet.layout.counted_to(quick=trial.quick)
             cases = [
                 Case(layout=fleet.layout, cars=fleet.cars, seed=seed, end_s=end_s, fidelity=fidelity, traffic=PIBT)
                 for seed in seeds

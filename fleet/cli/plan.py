@@ -17,7 +17,7 @@ from fleet.cli.arguments import require_with
 from fleet.cli.run_output import figure_table, plain_console
 from fleet.config import require
 from fleet.config.member_settings import member_settings
-from fleet.outputs import require_file
+from fleet.outputs import require_file, require_other
 from fleet.whole_file import draft_of
 from planners.mapf import ONE_SHOT_PLANNERS, planner_named
 
@@ -137,7 +137,8 @@ class PlanCommand:
     def _check_output(self) -> None:
         """Refuse an output that cannot be written, before the time is spent."""
         for name in ("map", "scen"):
-            require_file("--output", self.output, getattr(self, name), than=f"--{name}")
+            require_other("--output", self.output, getattr(self, name), than=f"--{name}")
+        require_file("--output", self.output)
 
 
 class _BudgetColumn(ProgressColumn):
