@@ -57,7 +57,7 @@ def play_transfer(recipe: str, out: Path, name: str, place: Place) -> Path:
     scores = evaluate(found, {**config["arguments"], **place.arguments}, policies, seeds)
     write_episodes(folder, scores, seeds)
     spent_s = json.loads((out / EVALUATION).read_text(encoding="utf-8"))["train_cpu_s"]
-    write_evaluation(folder, findings(scores, (*found.figures, *found.at_end)), cpu_s=spent_s)
+    write_evaluation(folder, findings(scores, (*found.figures, *found.at_end), shares=found.shares), cpu_s=spent_s)
     return folder
 
 

@@ -158,7 +158,12 @@ def show_run(
         show_recording(console, out / RECORDING, view=view)
     if result.sim_s > 0.0:
         show_next(console, out)
-    elif result.tasks_total == 0:
+    show_missing(console, result)
+
+
+def show_missing(console: Console, result: Result) -> None:
+    """Say what was wanted of a run and did not happen."""
+    if result.sim_s == 0.0 and result.tasks_total == 0:
         console.print("the run ended at once: no order comes within --duration", soft_wrap=True)
     for line in result.events_not_happened:
         console.print(f"did not happen: {line}", soft_wrap=True)

@@ -18,6 +18,7 @@ from maps.reading.text_file import FileError, read_json
 
 FORMAT = 1
 """Of the file."""
+_VALID = f"valid: results of fleet.evaluate, format {FORMAT}"
 
 
 class ResultsFile:
@@ -78,14 +79,16 @@ def write_result(path: Path, text: str) -> None:
 def _read(path: Path) -> list[SplitScores]:
     try:
         told = read_json(path)
-        if told["format"] != FORMAT:
-            raise ValueError(f"format {told['format']!r}")
+        if not isinstance(told, dict) or told.get("format") != FORMAT:
+            raise ValueError("it holds something else")
         return [SplitScores(**one) for one in told["scores"]]
     except FileError as reason:  # names the file
         told, _, _ = str(reason).partition("; valid")
-        raise EvaluationError(f"{told}; valid: results of fleet.evaluate, format {FORMAT}") from reason
-    except (OSError, ValueError, KeyError, TypeError) as reason:
-        raise EvaluationError(f"{path}: {reason}; valid: results of fleet.evaluate, format {FORMAT}") from reason
+        raise EvaluationError(f"{told}; {_VALID}") from reason
+    except (KeyError, TypeError) as reason:  # in Python's words
+        raise EvaluationError(f"{path}: scores are missing or have other fields; {_VALID}") from reason
+    except (OSError, ValueError) as reason:
+        raise EvaluationError(f"{path}: {reason}; {_VALID}") from reason
 
 
 def _lines(found: Sequence[Any]) -> str:

@@ -29,14 +29,26 @@ class Interval:
         return f"{self.mean:.3g} [{self.low:.3g}, {self.high:.3g}]"
 
 
-def interval(values: Sequence[float]) -> Interval:
-    """Mean of independent values: of a share if all are 0 or 1, else with its bootstrap interval."""
-    return share(round(sum(values)), len(values)) if _are_shares(values) else bootstrap(values)
+def interval(values: Sequence[float], *, is_share: bool = False) -> Interval:
+    """Mean of independent values with its interval.
+
+    Args:
+        values: One per episode.
+        is_share: All are 0 or 1 by what they mean: Wilson's interval, else the bootstrap's. Counts that happen to be
+            0 or 1 in few episodes are no share.
+    """
+    return share(round(sum(values)), len(values)) if is_share else bootstrap(values)
 
 
-def difference(values: Sequence[float], reference: Sequence[float]) -> Interval:
-    """Mean difference from a reference on the same seeds, in the same order: what a seed brings to both cancels out."""
-    if _are_shares(values) and _are_shares(reference):
+def difference(values: Sequence[float], reference: Sequence[float], *, is_share: bool = False) -> Interval:
+    """Mean difference from a reference on the same seeds: what a seed brings to both cancels out.
+
+    Args:
+        values: One per episode.
+        reference: Those of the reference, in the same order.
+        is_share: See `interval`.
+    """
+    if is_share:
         return share_difference(values, reference)
     return bootstrap([one - other for one, other in zip(values, reference, strict=True)])
 
@@ -101,10 +113,6 @@ def share_difference(values: Sequence[float], reference: Sequence[float]) -> Int
     low = gap - reach(one.mean - one.low, other.high - other.mean)
     high = gap + reach(one.high - one.mean, other.mean - other.low)
     return Interval(mean=gap, low=low, high=high)
-
-
-def _are_shares(values: Sequence[float]) -> bool:
-    return all(value in (0.0, 1.0) for value in values)
 
 
 def _quantile() -> float:

@@ -7,7 +7,7 @@ import dataclasses
 import io
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -91,12 +91,15 @@ def write_episodes(folder: Path, scores: Mapping[str, Sequence[Score]], seeds: S
     write_whole(folder / EPISODES, text.getvalue())
 
 
-def findings(scores: Mapping[str, Sequence[Score]], figures: Sequence[str]) -> dict[str, Any]:
+def findings(
+    scores: Mapping[str, Sequence[Score]], figures: Sequence[str], *, shares: Collection[str] = ()
+) -> dict[str, Any]:
     """Means by policy, and how far what was learned is from the others on the same episodes, with intervals.
 
     Args:
         scores: By policy, on the same episodes.
         figures: Names of those that are wanted; the return is among them always.
+        shares: Those of them that are 0 or 1 in every episode, as `Recipe.shares`.
 
     Returns:
         `episodes`; `policies` and `gain`: by policy and figure, the interval; `per_agent_minute`: by policy and figure,
@@ -106,12 +109,16 @@ def findings(scores: Mapping[str, Sequence[Score]], figures: Sequence[str]) -> d
     found: dict[str, Any] = {"episodes": len(scores[LEARNED]), "policies": {}, "gain": {}, "per_agent_minute": {}}
     for policy, played in scores.items():
         values = {name: [score[name] for score in played] for name in names}
-        found["policies"][policy] = {name: dataclasses.asdict(interval(values[name])) for name in names}
+        found["policies"][policy] = {
+            name: dataclasses.asdict(interval(values[name], is_share=name in shares)) for name in names
+        }
         minutes = sum(score[AGENT_MINUTES] for score in played)
         found["per_agent_minute"][policy] = {name: sum(values[name]) / minutes for name in names}
         if policy != LEARNED:
             found["gain"][policy] = {
-                name: dataclasses.asdict(difference([score[name] for score in scores[LEARNED]], values[name]))
+                name: dataclasses.asdict(
+                    difference([score[name] for score in scores[LEARNED]], values[name], is_share=name in shares)
+                )
                 for name in names
             }
     return found

@@ -257,6 +257,8 @@ def test_bad_input_is_refused(keep: Callable[[Any], Any]) -> None:
         vec.reset([1, 2, 3])
     with pytest.raises(ConfigError, match="seed is -1"):
         vec.reset([1, -1])
+    with pytest.raises(ConfigError, match="seeds"):
+        vec.reset(1.5)
     vec.reset(0)
     with pytest.raises(ActionError, match=r"type car have shape \(2, 5\); valid: \(2, 6\)"):
         vec.step({"car": np.zeros((2, 5), dtype=int)})

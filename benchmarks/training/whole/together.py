@@ -8,13 +8,16 @@ has no target.
 from __future__ import annotations
 
 import importlib.util
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
+from multiprocessing import get_context
 from typing import Any
 
 import numpy as np
 
 from benchmarks.harness import Row, Trial
-from benchmarks.training.learning import FOLDER
+from benchmarks.training.learning import FOLDER, N_AT_ONCE
 from fleet.charts.statistics import estimate
 from fleet.envs.policies.policy import Policy
 from fleet.envs.policies.warehouse import PointingArms
@@ -58,26 +61,35 @@ def measure_together(trial: Trial) -> Iterator[Row]:
         trial.notes.append(f"together: left out, needs PyTorch and runs in {FOLDER / CARS}")
         return
     n_episodes = N_QUICK_EPISODES if trial.quick else N_EPISODES
-    for fidelity in ("physics", "kinematic"):
-        for arms in (ARMS, "script"):
-            played = [seed for seed in found if arms == "script" or _is_there(ARMS, seed)]
-            if not played:
-                trial.notes.append(f"together: {arms} left out, there is no run in {FOLDER / arms}")
-                continue
-            by_seed = [play_team(seed, arms, fidelity, n_episodes) for seed in played]
-            delivered = estimate([_mean(scores, "deliveries") for scores in by_seed])
-            assert delivered is not None
-            seeds = ", ".join(f"{_mean(scores, 'deliveries'):.2f}" for scores in by_seed)
-            unit = f"of 2, lower end of 95 %; mean {delivered.mean:.2f}; {n_episodes} episodes of each seed: {seeds}"
-            promised = not trial.quick and arms == ARMS and fidelity == "physics"
-            yield Row(
-                name=f"cell, {fidelity}, cars by {CARS}, arms by {arms}: delivered",
-                value=delivered.low if len(played) > 1 else delivered.mean,
-                unit=unit if len(played) > 1 else f"of 2; {n_episodes} episodes of one seed",
-                target=DELIVERED if promised else "",
-            )
-            contacts = abs(_mean([score for scores in by_seed for score in scores], "contact"))
-            yield Row(name="  contacts", value=contacts, unit="per episode, by robot")
+    with ProcessPoolExecutor(N_AT_ONCE, mp_context=get_context("spawn")) as pool:
+        for fidelity in ("physics", "kinematic"):
+            for arms in (ARMS, "script"):
+                played = [seed for seed in found if arms == "script" or _is_there(ARMS, seed)]
+                if not played:
+                    trial.notes.append(f"together: {arms} left out, there is no run in {FOLDER / arms}")
+                    continue
+                play = partial(play_team, arms=arms, fidelity=fidelity, n_episodes=n_episodes)
+                by_seed = list(pool.map(play, played))
+                promised = not trial.quick and arms == ARMS and fidelity == "physics"
+                yield from _rows(by_seed, arms, fidelity, DELIVERED if promised else "")
+
+
+def _rows(by_seed: Sequence[list[Score]], arms: str, fidelity: str, target: str) -> Iterator[Row]:
+    """What the teams of all seeds came to."""
+    means = [_mean(scores, "deliveries") for scores in by_seed]
+    delivered, n_episodes = estimate(means), len(by_seed[0])
+    assert delivered is not None
+    several = len(means) > 1
+    seeds = ", ".join(f"{mean:.2f}" for mean in means)
+    unit = f"of 2, lower end of 95 %; mean {delivered.mean:.2f}; {n_episodes} episodes of each seed: {seeds}"
+    yield Row(
+        name=f"cell, {fidelity}, cars by {CARS}, arms by {arms}: delivered",
+        value=delivered.low if several else delivered.mean,
+        unit=unit if several else f"of 2; {n_episodes} episodes of one seed",
+        target=target,
+    )
+    contacts = abs(_mean([score for scores in by_seed for score in scores], "contact"))
+    yield Row(name="  contacts", value=contacts, unit="per episode, by robot")
 
 
 def play_team(seed: int, arms: str, fidelity: str, n_episodes: int) -> list[Score]:

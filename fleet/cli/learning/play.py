@@ -12,7 +12,15 @@ import tyro
 from rich.table import Table
 
 from fleet.cli.arguments import require_live, require_with, stream_of
-from fleet.cli.run_output import ALL_DONE, INTERRUPTED, exit_status, plain_console, run_table, show_recording
+from fleet.cli.run_output import (
+    ALL_DONE,
+    INTERRUPTED,
+    exit_status,
+    plain_console,
+    run_table,
+    show_missing,
+    show_recording,
+)
 from fleet.config import Connect, Fidelity, RunConfig, require
 from fleet.errors import ConfigError
 from fleet.terminal.interrupts import interrupts
@@ -134,6 +142,7 @@ class Play:
             console.print(f"{part} by {one.decisions}", soft_wrap=True)
         if self.record:
             show_recording(console, self.out / RECORDING, view=self.view)
+        show_missing(console, result)
         cut = next((one for one in results.values() if one.interrupted), result)
         return exit_status(console, cut, self.duration)
 
@@ -172,15 +181,23 @@ class Play:
         """Print what episodes came to; returns the exit status."""
         from fleet.play.episodes import recordings
         from fleet.training.intervals import interval
+        from fleet.training.recipes import RECIPES
         from fleet.training.results import EPISODES
 
+        def told(figure: str, played: Sequence[Score]) -> str:
+            values = [score[figure] for score in played]
+            if len(values) == 1:  # says nothing of the spread
+                return f"{values[0]:.3g}"
+            return str(interval(values, is_share=figure in RECIPES[run.recipe].shares))
+
         n_whole, n_played = len(scores[PLAYED]), sum(map(len, scores.values()))
-        table = Table(title=f"{run.environment}: mean of {n_whole} episodes [95 % interval]")
+        whole = "one episode" if n_whole == 1 else f"mean of {n_whole} episodes [95 % interval]"
+        table = Table(title=f"{run.environment}: {whole}")
         table.add_column("figure")
         for name, played in scores.items():
             table.add_column(name if len(played) == n_whole else f"{name}, {len(played)} of them", justify="right")
         for figure in scores[PLAYED][0]:
-            table.add_row(figure, *(str(interval([one[figure] for one in played])) for played in scores.values()))
+            table.add_row(figure, *(told(figure, played) for played in scores.values()))
         console = plain_console()
         console.print(table)
         console.print(f"results: {self.out / EPISODES}", soft_wrap=True)

@@ -46,7 +46,7 @@ class Train:
     seed: int = 0
     """Seed of everything random."""
     steps: int | None = None
-    """Steps of agents; default that of the environment's recipe."""
+    """Steps of agents, the last update's whole; default that of the environment's recipe."""
     fidelity: str | None = None
     """How robots are moved, of those that the environment knows; default its own."""
     config: Path | None = None
@@ -163,7 +163,7 @@ class Train:
                     bar.show(done, "evaluation", f"{done} of {total} episodes of the evaluation")
 
             scores = evaluate(recipe, config.arguments, policies, seeds, progress)
-        found = findings(scores, (*recipe.figures, *recipe.at_end))
+        found = findings(scores, (*recipe.figures, *recipe.at_end), shares=recipe.shares)
         write_episodes(self.out, scores, seeds)
         write_evaluation(self.out, found, cpu_s=trainer.cpu_s)
         console.print(_table(config, recipe, found))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -126,6 +126,7 @@ class VecEnv(ABC):
             require_seed(seeds)
             wanted = [int(seeds) + index for index in range(self.n_envs)]
         else:
+            require(isinstance(seeds, Iterable), "seeds", seeds, "an integer >= 0, or one per environment")
             wanted = list(seeds)
             require(len(wanted) == self.n_envs, "number of seeds", len(wanted), f"{self.n_envs}, one per environment")
             for seed in wanted:

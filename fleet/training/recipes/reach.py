@@ -31,6 +31,7 @@ REACH = Recipe(
     scripted=_straight,
     script="straight to the goal, by damped least squares",
     figures=("is_success",),
+    shares=frozenset({"is_success"}),
     n_steps=400_000,
     ppo=PpoConfig(
         envs_n=32,

@@ -44,6 +44,7 @@ TRAFFIC = Recipe(
     script="priority inheritance with backtracking",
     figures=("delivered", "progress", "waiting", "lost", "blocking"),
     at_end={"jams": lambda env: env.jammed, "waits": lambda env: env.n_waits},
+    shares=frozenset({"jams"}),
     n_steps=5_000_000,
     ppo=PpoConfig(horizon_n=125, epochs_n=4, minibatch_n=4096, entropy=0.005, discount=0.98, learning_rate=1e-3),
     arguments={"site": "dense", "n_cars": 30},

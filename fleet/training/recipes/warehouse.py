@@ -72,6 +72,7 @@ DOCK = Recipe(
     scripted=_classical,
     script="pure pursuit, and a stop at its end",
     figures=("docked", "contact"),
+    shares=frozenset({"docked"}),
     n_steps=460_000,
     ppo=PpoConfig(envs_n=16, horizon_n=128, learning_rate=1e-3, discount=0.98, entropy=0.001, hidden=(128, 128)),
     # A dock counts as one: the figure is the share of episodes. A car in physics changes its speed as the one does that

@@ -39,6 +39,16 @@ def test_findings_compare_with_everybody_else() -> None:
     assert found["per_agent_minute"]["learned"]["x"] == 0.5
 
 
+def test_only_what_a_recipe_says_is_a_share() -> None:
+    scores = {name: [{"won": 1.0, "n": 1.0, RETURN: 1.0, AGENT_MINUTES: 4.0}] * 3 for name in ("learned", "scripted")}
+    found = findings(scores, ["won", "n"], shares=["won"])
+    assert found["policies"]["learned"]["won"]["low"] < 0.5
+    assert found["gain"]["scripted"]["won"]["low"] < 0.0
+    assert found["policies"]["learned"]["n"]["low"] == found["gain"]["scripted"]["n"]["low"] + 1.0 == 1.0
+    for name, recipe in RECIPES.items():
+        assert recipe.shares <= {*recipe.figures, *recipe.at_end}, name
+
+
 @pytest.mark.parametrize(("name", "length_s"), [("navigate", 0.1), ("car", 0.1), ("reach", 0.05), ("dispatch", 5.0)])
 def test_the_minutes_of_agents_are_simulated_ones(name: str, length_s: float) -> None:
     recipe = RECIPES[name]

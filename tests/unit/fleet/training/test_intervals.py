@@ -33,11 +33,12 @@ def test_a_share_of_successes_has_an_interval_even_where_all_succeed(
 ) -> None:
     found = share(n_won, n)
     assert (found.low, found.high) == pytest.approx((low, high), abs=1e-4)
-    assert interval([1.0] * n_won + [0.0] * (n - n_won)) == found
+    assert interval([1.0] * n_won + [0.0] * (n - n_won), is_share=True) == found
 
 
-def test_counts_of_more_than_one_are_no_shares() -> None:
-    assert interval([1.0, 1.0, 2.0]) == bootstrap([1.0, 1.0, 2.0])
+def test_counts_that_happen_to_be_one_or_none_are_no_shares() -> None:
+    assert interval([1.0, 0.0, 1.0]) == bootstrap([1.0, 0.0, 1.0])
+    assert difference([1.0, 0.0], [0.0, 0.0]) == bootstrap([1.0, 0.0])
 
 
 def test_a_difference_of_shares_has_an_interval_even_where_both_always_succeed() -> None:
@@ -52,6 +53,6 @@ def test_a_difference_of_shares_holds_the_true_one_about_as_often_as_it_says() -
     for _ in range(300):
         luck = rng.uniform(size=40)
         ours, theirs = luck < 0.8, np.where(rng.uniform(size=40) < 0.5, luck, rng.uniform(size=40)) < 0.7
-        found = difference(ours.astype(float).tolist(), theirs.astype(float).tolist())
+        found = difference(ours.astype(float).tolist(), theirs.astype(float).tolist(), is_share=True)
         held.append(found.low <= 0.1 <= found.high)
     assert 0.92 <= np.mean(held) <= 1.0
