@@ -31,7 +31,7 @@ PIP_PROGRESS = { n=0; while IFS= read -r line; do case "$$line" in \
 help: ## List the targets.
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
-setup: $(STAMP) ## Create .venv and install the project with all its extras.
+setup: $(STAMP) ## Create .venv and install the project with what the guide's examples need.
 
 # Kernels that were kept by an older source are thrown away: some cannot be read after a rename.
 $(STAMP): pyproject.toml

@@ -18,16 +18,11 @@ def headings(scenario: Scenario) -> list[str]:
 
 def row(finding: Finding) -> list[str]:
     """What a policy came to, as a row below `headings`."""
-    gain = "" if finding.gain is None else words(finding.gain)
+    gain = "" if finding.gain is None else _words(finding.gain, finding.n_episodes)
     if finding.gain is not None and finding.gain_share is not None:
         gain += f", {100.0 * finding.gain_share:+.1f} %"
-    figures = [words(found) for found in finding.figures.values()]
+    figures = [_words(found, finding.n_episodes) for found in finding.figures.values()]
     return [finding.split, finding.policy, *figures, gain, f"{finding.decision_ms:.3g}"]
-
-
-def words(found: Interval) -> str:
-    """A mean and its interval."""
-    return f"{found.mean:.4g} [{found.low:.4g}, {found.high:.4g}]"
 
 
 def page(scores: Sequence[SplitScores], results: str) -> str:
@@ -54,6 +49,11 @@ def page(scores: Sequence[SplitScores], results: str) -> str:
         if own:
             lines += ["", f"## {name}", "", *_section(scenario, own)]
     return "\n".join(lines) + "\n"
+
+
+def _words(found: Interval, n_episodes: int) -> str:
+    """A mean and its interval, which one episode does not have."""
+    return f"{found.mean:.4g}" + (f" [{found.low:.4g}, {found.high:.4g}]" if n_episodes > 1 else "")
 
 
 def _section(scenario: Scenario, own: Sequence[Finding]) -> Iterator[str]:

@@ -134,7 +134,9 @@ def _show(console: Console, results: ResultsFile, turns: Sequence[Turn]) -> None
     name = turns[0].scenario
     wanted = {(turn.split, turn.player.name) for turn in turns}
     scores = [one for one in results.scores if one.scenario == name and (one.split, one.policy) in wanted]
-    table = Table(title=f"{name}: mean of {scores[0].n_episodes} episodes [95 % interval]")
+    n_episodes = scores[0].n_episodes
+    whole = "one episode" if n_episodes == 1 else f"mean of {n_episodes} episodes [95 % interval]"
+    table = Table(title=f"{name}: {whole}")
     for number, heading in enumerate(headings(SCENARIOS[name])):
         table.add_column(heading, justify="left" if number < 2 else "right")
     found = {(one.split, one.policy): one for one in findings(scores)}

@@ -66,7 +66,7 @@ class WarehouseConfig(RecordedEnvConfig):
     n_arms: int | None = None
     """Arms that are agents, first ones first; None = none in `dock`, else all of the site."""
     fidelity: str = "kinematic"
-    """`kinematic` or `physics`."""
+    """`kinematic`, `mixed` or `physics`."""
     control_hz: float = 10.0
     """Steps per simulated second."""
     max_cycles: int | None = None  # type: ignore[assignment]
