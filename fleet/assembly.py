@@ -157,6 +157,7 @@ def assemble(
     executor = Executor(graph, setup.start_states, driver, config.traffic, log)
     seed = int(traffic_seed.generate_state(1)[0])
     traffic = parts.traffic(graph, executor, config.traffic, clock.tick_s, seed, setup.distances)
+    undo.callback(traffic.close)
 
     # What is to be done, and the state of those who do it.
     board = TaskBoard(book.orders)
@@ -175,7 +176,7 @@ def assemble(
     left_late = places.cells[: len(stations) + len(places.chargers)]
     missions = Missions(board, stations, bookings, left_late, traffic)
     services = Services(missions, graph, traffic, world)
-    ways = Ways(traffic)
+    ways = Ways(traffic, site.grid.cell_m)
     pods = Pods(world.pods if site.storage else None, places, graph, board, traffic, log)
     routes = VisitRoutes(places, ways, bookings, pods)
     reasons = ReasonBook(log)

@@ -19,7 +19,7 @@ from fleet.incidents.disturbance import Disturbances
 from fleet.incidents.recovery import EMPTY, Recovery
 from fleet.incidents.setting_changes import SettingChanges
 from fleet.insight.cause_watch import CauseWatch
-from fleet.insight.codebook import Codebook
+from fleet.insight.codebook import Codebook, UnknownRobot
 from fleet.insight.explain import Explanation, explain
 from fleet.insight.figures import Figures
 from fleet.insight.metrics import Metrics, Summary
@@ -289,7 +289,17 @@ class Simulation:
         self.dispatcher.rules.interventions.requeue(self.board.named(name), self.sim_s, "requeued on request")
 
     def lose_car(self, car: int, reason: str) -> None:
-        """Take a car out of the run for good: it rolls out and stays where it is."""
+        """Take a car out of the run for good: it rolls out and stays where it is.
+
+        Args:
+            car: Its number.
+            reason: Why, in words for the log.
+
+        Raises:
+            UnknownRobot: There is no such car.
+        """
+        if not 0 <= car < self.world.n_cars:
+            raise UnknownRobot(f"car is {car}; valid: 0 to {self.world.n_cars - 1}")
         self.recovery.lose_car(car, reason)
 
     def close(self) -> None:

@@ -156,7 +156,7 @@ class TaskAllocation:
         takers = np.flatnonzero(column_of == column)
         words = [f"cost car_{car} {costs.of_pair(car, column):.1f} s"]
         if takers.size:
-            words.append(f"costs car_{takers[0]} {costs.of_pair(int(takers[0]), column):.1f} s")
+            words.append(f"costs car_{takers[0]} {costs.of_pair(int(takers[0]), column):.1f} s now")
         if column_of[car] >= 0:
             words.append(f"car_{car} takes {costs.tasks[column_of[car]].order.name}")
         return "re-assigned: " + ", ".join(words)

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fleet.dispatch.fitness import Fitness
+from fleet.dispatch.situation import CAN_TAKE
 from fleet.missions.parcels.inventory import Inventory
 from fleet.missions.phases import GONE, CarPhase
 from fleet.missions.places import Places
@@ -56,29 +57,34 @@ class Containment:
         gone = sorted(car for car in out | missions.leaving.keys() if missions.leaving.get(car, True))
         if not gone and not self._ways.n_cuts and not self._stations.any_lost:
             return
-        changes = self._ways.n_cuts, len(gone), self._stations.n_closings
-        if self._seen == (*changes, missions.board.n_moves):
-            return
         left = np.setdiff1d(np.arange(missions.n_cars), gone)
         anywhere = any(missions.phase[car] is CarPhase.RECOVERING for car in left.tolist())
+        changes = self._ways.n_cuts, len(gone), self._stations.n_closings, int(anywhere)
+        if self._seen == (*changes, missions.board.n_moves):
+            return
         for task in missions.board.in_state(*_WAITING):
-            reason = self._why_never(task, left, anywhere=anywhere)
+            reason = self._why_never(task, left, gone, anywhere=anywhere)
             if reason:
                 self._inventory.withdraw(task, TaskState.FAILED, now_s, reason)
         self._seen = (*changes, missions.board.n_moves)
         missions.changed = True
 
-    def _why_never(self, task: Task, left: npt.NDArray[np.intp], *, anywhere: bool) -> str:
-        """Why none of the cars that are left will ever do a task; empty if one may."""
+    def _why_never(self, task: Task, left: npt.NDArray[np.intp], gone: list[int], *, anywhere: bool) -> str:
+        """Why none of the cars that are left will ever do a task; empty if one may.
+
+        Args:
+            task: A waiting one.
+            left: Cars that are left.
+            gone: All others.
+            anywhere: Whether one of those that are left may come back to the lanes anywhere.
+        """
         if not len(left):
             return "no car is left"
         codes = self._fitness.codes(task)
-        able = left if codes is None else left[[self._fitness.fits_any(task, left[[k]]) for k in range(len(left))]]
+        able = left if codes is None else left[codes[left] == CAN_TAKE]
         if not len(able):
-            able_once = [
-                f"car_{car}" for car in self._missions.cars_in(*GONE) if self._fitness.fits_any(task, np.array([car]))
-            ]
-            return f"no car that is left can do it: {', '.join(able_once) or 'none of all'} could"
+            once = ", ".join(f"car_{car}" for car in gone if self._fitness.fits_any(task, np.array([car])))
+            return f"no car that is left can do it: {f'{once} could' if once else 'nobody ever could'}"
         pod_lost = self._pods.why_lost(task)
         if pod_lost:
             return pod_lost

@@ -214,9 +214,9 @@ class CostModel:
         return _Work(moves, begin, pick, drop, n_rest_moves, service_s)
 
     def least_s(self, task: Task, move_s: float) -> float:
-        """The least time from the best pick station to the delivery, or from the first place of a visit to its end [s].
+        """The time from the best pick station to the delivery, or from the first place of a visit to its end [s].
 
-        It is inf if there is no way.
+        Nobody is in the way, and arms take as long as usual. It is inf if there is no way.
 
         Args:
             task: The task.
@@ -226,8 +226,12 @@ class CostModel:
             n_rest_moves, stand_s = self._routes.rest(task)
             return n_rest_moves * move_s + stand_s if n_rest_moves < UNREACHABLE else np.inf
         order = task.delivery
-        moves = min(self._moves(pick, order.drop) for pick in order.picks)
-        return moves * move_s + self._service_s(task.pick, order.drop) if moves < UNREACHABLE else np.inf
+        return min(self._from_pick_s(pick, order.drop, move_s) for pick in order.picks)
+
+    def _from_pick_s(self, pick: str, drop: str, move_s: float) -> float:
+        """Time from a pick station to the delivery [s]."""
+        moves = self._moves(pick, drop)
+        return moves * move_s + self._service_s(pick, drop) if moves < UNREACHABLE else np.inf
 
     def _moves(self, pick: str, drop: str) -> int:
         return self._ways.between(self._stations.named(pick).dock_state, self._stations.named(drop).dock_state)

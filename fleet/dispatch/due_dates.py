@@ -1,4 +1,4 @@
-"""DueDates: says at once which tasks cannot be done in time, whatever the fleet does."""
+"""DueDates: says at once which tasks cannot be done in time, unless arms are faster than usual."""
 
 from __future__ import annotations
 

@@ -110,7 +110,12 @@ class RollingHorizon:
         n_errands = np.array([len(job) for job in jobs])
         place = np.concatenate(jobs).astype(np.int32)
         served = np.repeat([task.visit is None for task in tasks], n_errands)
-        stand_s = np.repeat([self._routes.stand_s(task) for task in tasks], n_errands)
+        stand_s = np.concatenate(
+            [
+                np.zeros(len(job)) if task.visit is None else self._routes.stands_s(task)
+                for task, job in zip(tasks, jobs, strict=True)
+            ]
+        )
         due_s = np.array([task.order.due_s for task in tasks])
         order, vehicle = self._proposal(tasks, cars)
         return Shop(

@@ -70,7 +70,7 @@ class Interventions:
             CannotCancel: It is too late.
         """
         if task.lifted and task.state in CANCELLABLE:
-            raise CannotCancel(f"task {task.order.name}: car_{task.car} has lifted the pod; valid: until then")
+            raise CannotCancel(f"task {task.order.name}: car_{task.car} has lifted the pod; valid: before that")
         if task.state not in CANCELLABLE:
             own = CANCELLABLE if task.visit is not None else CANCELLABLE - {TaskState.VISITING}
             valid = ", ".join(state for state in TaskState if state in own)
@@ -90,7 +90,7 @@ class Interventions:
             valid = TaskState.ASSIGNED if task.visit is None else ", ".join(_CAN_CHANGE_HANDS)
             raise CannotRequeue(f"task {task.order.name} is {task.state}; valid to requeue: {valid}")
         if task.lifted:
-            raise CannotRequeue(f"task {task.order.name}: car_{task.car} has lifted the pod; valid: until then")
+            raise CannotRequeue(f"task {task.order.name}: car_{task.car} has lifted the pod; valid: before that")
         car = task.car
         task.shunned.add(car)
         self._missions.unassign(task, now_s, reason)
@@ -150,10 +150,17 @@ class Interventions:
         return self._inventory.tray_is_loaded(car) or self._visits.keeps_pod(car)
 
     def close_station(self, arm: int, now_s: float, why: str, *, for_good: bool) -> None:
-        """Let no more cars come to a station; those that have booked it are served, unless its arm cannot."""
+        """Let no more cars come to a station; those that are to pick there give their tasks back.
+
+        Args:
+            arm: Of the station.
+            now_s: Simulated time [s].
+            why: What is said of the station, such as "is closed"; until `open_station` with the same words.
+            for_good: Whether nothing is known of an end.
+        """
         missions = self._missions
         station = missions.stations[arm]
-        missions.stations.close(arm, for_good=for_good)
+        missions.stations.close(arm, why, for_good=for_good)
         missions.bookings.closed[arm] = True
         missions.changed = True
         for car in missions.cars_in(CarPhase.TO_PICK, CarPhase.HELD):
@@ -162,11 +169,12 @@ class Interventions:
                 missions.unassign(task, now_s, f"{station.name} {why}")
                 missions.stand_down(car)
 
-    def open_station(self, arm: int) -> None:
-        """Let cars come to a station again."""
-        self._missions.stations.open(arm)
-        self._missions.bookings.closed[arm] = False
-        self._missions.changed = True
+    def open_station(self, arm: int, why: str) -> None:
+        """Let a reason to be closed go; cars may come to the station again if it was the last one."""
+        missions = self._missions
+        missions.stations.open(arm, why)
+        missions.bookings.closed[arm] = not missions.stations.is_open(missions.stations[arm].name)
+        missions.changed = True
 
     def end_overdue(self, now_s: float) -> None:
         """End what has lasted too long."""

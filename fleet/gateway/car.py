@@ -27,6 +27,7 @@ from fleet.vda5050.vehicle import (
     connection,
     out_of_service,
 )
+from maps.reading.shown import shown
 from planners.mapf.distance_table import UNREACHABLE, DistanceTable
 from planners.precedence.queues import move_at
 
@@ -109,7 +110,7 @@ class CommandedCar:
         else:
             if name == "order":
                 verdict = self.vehicle.order(body)
-                self._note("order_" + verdict.outcome.value, self.vehicle.order_id, verdict.reason)
+                self._note("order_" + verdict.outcome.value, shown(body.get("orderId", "")).strip("'"), verdict.reason)
             else:
                 self.vehicle.instant_actions(body)
 
@@ -172,8 +173,8 @@ class CommandedCar:
         for action in vehicle.due:
             if work.action_id:
                 return
-            station = self._nodes.station_at.get(here)
-            why = "the car does not stand at the dock" if station is None else work.begin(action, station)
+            stations = self._nodes.stations(action, [here])
+            why = work.begin(action, stations[0]) if stations else "the car does not stand at the dock"
             if why:
                 vehicle.acted(action.id, ActionStatus.FAILED, why)
             else:

@@ -6,6 +6,7 @@ import ssl
 import threading
 from collections import deque
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -163,7 +164,11 @@ class MqttClient:
             raise GatewayError(f"{broker} does not let us in: {trouble}; valid: {valid}")
 
     def listen(self, patterns: Sequence[str]) -> None:
-        """Listen to topics, too; their levels may be `+`. Returns when the broker knows, so that nothing is missed."""
+        """Listen to topics, too; their levels may be `+`.
+
+        Returns when the broker knows, so that nothing is missed. A broker that does not answer is told again with the
+        next connection.
+        """
         new = [pattern for pattern in patterns if pattern not in self._topics]
         if new:
             self._topics += new
@@ -179,7 +184,9 @@ class MqttClient:
     def close(self, last: Post | None) -> None:
         """See `BrokerLink`."""
         if last is not None and self._client.is_connected():
-            self._client.publish(last.topic, last.payload, last.qos, last.retain).wait_for_publish(1.0)
+            # Where the connection has just gone the broker says it for us: it has our will.
+            with suppress(RuntimeError, ValueError):
+                self._client.publish(last.topic, last.payload, last.qos, last.retain).wait_for_publish(1.0)
         self._client.disconnect()
         self._client.loop_stop()
 

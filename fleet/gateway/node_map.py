@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Literal
 
 import numpy as np
@@ -41,10 +41,11 @@ class NodeMap:
 
     def __init__(self, run: RunView, map_id: str) -> None:
         self.run = run
-        self.ways = Ways(run.traffic)
+        self.ways = Ways(run.traffic, run.site.grid.cell_m)
         self.map_id = map_id
-        self.station_at = {station.dock_state: station for station in run.stations}
-        """The station whose arm serves a car in a state."""
+        self._stations_at: dict[int, list[Station]] = {}  # whose arms serve a car in a state: two may share a dock
+        for station in run.stations:
+            self._stations_at.setdefault(station.dock_state, []).append(station)
         self._found: dict[tuple[str, Position | None, bool], tuple[int, ...]] = {}
         self.look()
         graph = run.graph
@@ -70,14 +71,19 @@ class NodeMap:
         if key not in self._found:
             found = self._by_name.get(node.id, ()) if node.position is None else self._near(node.position)
             if at_dock:
-                found = tuple(state for state in found if state in self.station_at)
+                found = tuple(state for state in found if state in self._stations_at)
             self._found[key] = found
         return self._found[key]
 
-    def station(self, action: Action, node: Node) -> Station | None:
-        """The station that does an action at a node; None if none does."""
-        found = [self.station_at[state] for state in self.states(node) if state in self.station_at]
-        return next((station for station in found if station.direction is ACTIONS.get(action.type)), None)
+    def stations(self, action: Action, states: Iterable[int]) -> list[Station]:
+        """The stations that do an action for a car in one of some states; that which it names alone, if it is there."""
+        able = [
+            station
+            for state in states
+            for station in self._stations_at.get(state, ())
+            if station.direction is ACTIONS.get(action.type)
+        ]
+        return [station for station in able if station.name == action.parameters.get("stationName")] or able
 
     def far(self, position: Position, pose: Sequence[float]) -> bool:
         """Whether a pose is beyond the deviation that a position allows."""
@@ -156,14 +162,14 @@ class CarSurroundings:
             return f"actionType is {shown(action.type)}; valid: {', '.join(ACTIONS)}"
         if not action.blocking.stops:
             return f"blockingType of {action.type} is {action.blocking.value}; valid: HARD, SOFT"
-        station = self._nodes.station(action, node)
-        if station is None:
+        stations = [station.name for station in self._nodes.stations(action, self._nodes.states(node))]
+        if not stations:
             kind: Literal["pick", "drop"] = "pick" if action.type == "pick" else "drop"
             names = ", ".join(self._nodes.run.site.station_names(kind))
             return f"node {shown(node.id)} is at no {kind} station; valid: {names}"
-        named = action.parameters.get("stationName", station.name)
-        if named != station.name:
-            return f"stationName is {shown(named)} at node {shown(node.id)}; valid: {station.name}"
+        named = action.parameters.get("stationName", stations[0])
+        if named not in stations:
+            return f"stationName is {shown(named)} at node {shown(node.id)}; valid: {', '.join(stations)}"
         weight = action.parameters.get("weight", MIN_MASS_KG)
         most_kg = min(MAX_MASS_KG, self._spec.max_payload_kg)
         is_number = isinstance(weight, int | float) and not isinstance(weight, bool)

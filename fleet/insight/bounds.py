@@ -14,7 +14,6 @@ from scipy.sparse import csr_array
 from fleet.arrays import CellArray, FloatArray, IntArray
 from fleet.config import Fidelity
 from fleet.missions.turns import CHANGE_S
-from fleet.missions.ways import MOVE_M
 from fleet.run.view import RunView
 from fleet.stations.stations import Stations
 from fleet.tasks.board import DONE_STATES, Task
@@ -25,8 +24,9 @@ from planners.mapf.distance_table import UNREACHABLE, DistanceTable
 HEADWAY_S = 2.35
 """Time from one car to the next in a lane at full speed [s]: what is seen most on a busy floor; 0.4 % of the cars
 follow by less than 2.15 s."""
-GRID_CHANGE_S, GRID_HEADWAY_S = 1.0, 1.0
-"""The same two on the grid, where a car takes a place a timestep after the one before has left it."""
+GRID_CHANGE_S, GRID_HEADWAY_S, GRID_MOVE_S = 1.0, 1.0, 1.0
+"""The same two on the grid, where a car takes a place a timestep after the one before has left it, and the time of a
+move there [s]."""
 BOUNDS = ("cars", "arms", "lanes", "orders")
 """What may bind."""
 _FAR = 1e6
@@ -115,7 +115,9 @@ def bounds_of(run: RunView, deliveries: IntArray, time_s: float, *, from_start: 
     change_s, headway_s = (GRID_CHANGE_S, GRID_HEADWAY_S) if on_grid else (CHANGE_S, HEADWAY_S)
     # A car on the grid is there as soon as its last move begins: each way, loaded or empty, takes one move less.
     n_saved = min(loaded, n) + min(empty, n) if on_grid else 0
-    needed_s = (loaded + empty - n_saved) * MOVE_M / PASS_SPEED_MPS + served_s
+    move_m = run.site.grid.cell_m
+    move_s = GRID_MOVE_S if on_grid else move_m / PASS_SPEED_MPS
+    needed_s = (loaded + empty - n_saved) * move_s + served_s
 
     cycle_s = np.maximum(service_s + change_s, stations.least_cycle_s(run.config.collect_after_s))
     visits = deliveries.sum(axis=0) + deliveries.sum(axis=1)
@@ -139,8 +141,8 @@ def bounds_of(run: RunView, deliveries: IntArray, time_s: float, *, from_start: 
         where=where.get(binds, ""),
         delivered_per_h=round(delivered_per_h, 1),
         share=round(delivered_per_h / per_h[binds], 4),
-        loaded_m=round(MOVE_M * loaded / n, 2),
-        empty_m=round(MOVE_M * empty / n, 2),
+        loaded_m=round(move_m * loaded / n, 2),
+        empty_m=round(move_m * empty / n, 2),
     )
 
 

@@ -11,7 +11,7 @@ from fleet.arrays import FloatArray
 from fleet.missions.admission import Admission
 from fleet.missions.phases import AT_CHARGER, ON_VISIT, CarPhase
 from fleet.missions.state import Missions
-from fleet.missions.ways import LOADED_RANK_S, MOVE_M, SLOW_MOVE_S, Ways
+from fleet.missions.ways import LOADED_RANK_S, SLOW_MOVE_S, Ways
 from fleet.robots.battery import Batteries
 from fleet.stations.service_time import Direction
 from fleet.stations.station import Station
@@ -154,7 +154,7 @@ class Charging:
             * self._missions.stations.times.of(drop.arm, Direction.FROM_CAR).p90_s
         )
         loaded_s = SLOW_MOVE_S * n_loaded_moves + served_s
-        loaded = self.batteries.share(cars, MOVE_M * n_loaded_moves, loaded_s, load_kg)
+        loaded = self.batteries.share(cars, self._ways.move_m * n_loaded_moves, loaded_s, load_kg)
         n_home_moves = float(self.moves_home(np.array([drop.dock_state]))[0])
         return self.allows_way(cars, to_pick + n_home_moves, 0.0, loaded)
 
@@ -172,7 +172,7 @@ class Charging:
         Returns:
             The verdict on each car, shape (k,).
         """
-        empty = self.batteries.share(cars, MOVE_M * moves, SLOW_MOVE_S * moves + stand_s)
+        empty = self.batteries.share(cars, self._ways.move_m * moves, SLOW_MOVE_S * moves + stand_s)
         spare = self.batteries.charge[cars] - empty - more
         return np.asarray(spare >= self.batteries.config.margin)
 
@@ -243,7 +243,7 @@ class Charging:
 
 
 def _can_wait(task: Task) -> bool:
-    """Whether a task can be done later, by whatever car: its parcel is not picked, or it is a visit but to charge."""
+    """Whether a task can be done later, by whatever car: nothing is picked or lifted, and it is not to charge."""
     if task.visit is not None:
-        return not task.visit.until_full
+        return not task.visit.until_full and not task.lifted
     return task.state is TaskState.ASSIGNED

@@ -10,6 +10,7 @@ import numpy.typing as npt
 from fleet.missions.places import NOT_BOOKED, Place, Places
 from fleet.missions.pods import Pods
 from fleet.missions.ways import Ways
+from fleet.robots.twist.pod import LIFT_S
 from fleet.stations.booking import Bookings
 from fleet.tasks.board import Task
 from planners.mapf.distance_table import UNREACHABLE
@@ -44,7 +45,7 @@ class VisitRoutes:
         """Moves of a visit from where it goes on to its end, at most `UNREACHABLE`, and how long it stands [s]."""
         errands = self.errands(task)
         moves = sum(self.moves(here, there) for here, there in pairwise(errands))
-        return min(moves, float(UNREACHABLE)), self.stand_s(task) * len(errands)
+        return min(moves, float(UNREACHABLE)), sum(self.stands_s(task))
 
     def errands(self, task: Task) -> list[Errand]:
         """The errands that a visit has before it, at least one; of the next those places that have room, if any has."""
@@ -57,9 +58,15 @@ class VisitRoutes:
         free = tuple(place for place in first if place.name == task.place or self.room(place) > 0)
         return [free or first, *rest]
 
-    def stand_s(self, task: Task) -> float:
-        """How long a visit stands at each errand [s]."""
-        return task.visit.stand_s if task.visit is not None else 0.0
+    def stands_s(self, task: Task) -> list[float]:
+        """How long a visit stands at each errand before it [s]; with a pod it stands where that is wanted alone."""
+        if task.visit is None:
+            return []
+        visit, before = task.visit, task.visit.errands[task.n_errands_done :]
+        if not visit.pod:
+            return [visit.stand_s for _ in before]
+        # Beside the pod, below it, where it is wanted, and where it came from.
+        return [0.0, LIFT_S, visit.stand_s, LIFT_S][-len(before) :]
 
     def moves(self, here: Errand, there: Errand) -> float:
         """Moves from one errand to another, `UNREACHABLE` if there is no way."""

@@ -21,6 +21,7 @@ LIFTING_S = 15.0
 """Longest time in which a pod is lifted or set down [s]; usual are 3 s."""
 _LIFTS, _SETS_DOWN = 1, 3
 """Errands of a visit with a pod at which it is lifted and set down."""
+_WORDS = {"lifts": "lift", "sets_down": "set down"}
 
 
 class Visits:
@@ -160,7 +161,7 @@ class Visits:
             if self._has_stood(car, task, now_s):
                 self._end_errand(car, task, tick, now_s)
             elif (does := self.handles(car)) and now_s - self._came_s[car] > LIFTING_S:
-                self.give_up(car, task, now_s, f"car_{car} {does.replace('_', ' ')} for {LIFTING_S:g} s")
+                self.give_up(car, task, now_s, f"car_{car} did not {_WORDS[does]} the pod within {LIFTING_S:g} s")
 
     def _visiting(self, *phases: CarPhase) -> list[tuple[int, Task]]:
         """Cars on visits in some phases, and their tasks."""

@@ -10,8 +10,6 @@ from fleet.missions.places import Place
 from fleet.traffic.replanning import Traffic
 from planners.mapf.distance_table import UNREACHABLE
 
-MOVE_M = 1.0
-"""Length of a move: one cell [m]."""
 STEP_S = 1.0
 """Time of one move in traffic [s]: cells are 1 m, and cars in traffic average 1 m/s."""
 MOVE_S = 1.1
@@ -35,9 +33,12 @@ class Ways:
 
     Args:
         traffic: Knows goals, blocked cells and distances.
+        move_m: Length of a move: one cell [m].
     """
 
-    def __init__(self, traffic: Traffic) -> None:
+    def __init__(self, traffic: Traffic, move_m: float) -> None:
+        self.move_m = move_m
+        """Length of a move [m]."""
         self._traffic = traffic
         self._executor = traffic.executor
         self._n_places = traffic.graph.n_places

@@ -22,6 +22,7 @@ LOOK_RAD = 0.05
 STEP_RAD = 0.05
 """How far from where the arm is the first point of a motion may be that is due at once [rad]."""
 HOME_RAD = 0.01
+_IN_OTHER_HANDS = "is in other hands"
 RETRY_S = 1.0
 """Between two attempts to find the way home [s]."""
 
@@ -74,9 +75,7 @@ class RemoteArms:
         if arm in self._grasps:
             self._grasps[arm].trusted, self._grasps[arm].leaves = trusted, False
             return
-        self._run.dispatcher.rules.interventions.close_station(
-            arm, self._run.sim_s, "is in other hands", for_good=False
-        )
+        self._run.dispatcher.rules.interventions.close_station(arm, self._run.sim_s, _IN_OTHER_HANDS, for_good=False)
         self._grasps[arm] = _Grasp(trusted=trusted)
 
     def follow(self, arm: int, times_s: object, points: object) -> None:
@@ -180,7 +179,7 @@ class RemoteArms:
 
     def _release(self, arm: int) -> None:
         del self._grasps[arm]
-        self._run.dispatcher.rules.interventions.open_station(arm)
+        self._run.dispatcher.rules.interventions.open_station(arm, _IN_OTHER_HANDS)
         self._run.events.log("remote_given_back", robot=f"arm_{arm}")
 
     def _move(self, arm: int, grasp: _Grasp) -> None:

@@ -70,7 +70,7 @@ class OrderHistory:
             return f"{self.order} is ordered, and not released yet"
         alike = itertools.takewhile(lambda step: step[1:3] == self.steps[-1][1:3], reversed(self.steps))
         *_, came = alike
-        return f"{self.order} is {_said(self.state, self.car)} since {came.time_s:.2f} s: {self.steps[-1].cause}"
+        return f"{self.order} has been {_said(self.state, self.car)} since {came.time_s:.2f} s: {self.steps[-1].cause}"
 
 
 def _said(state: TaskState, car: str | None) -> str:

@@ -51,7 +51,11 @@ def start_states(config: RunConfig, site: Site, graph: LaneGraph) -> npt.NDArray
     if not n_on_lanes:
         return parked
     rng = np.random.default_rng(np.random.SeedSequence(config.seed, spawn_key=(STARTS_KEY,)))
-    cells = _spread(site, rng.permutation(waiting_cells(site, graph)), n_on_lanes)
+    waiting = waiting_cells(site, graph)
+    most = len(parked) + len(waiting)
+    valid = f"1 to {most} ({len(parked)} parking cells, and {len(waiting)} on lanes where others get by)"
+    require(n_on_lanes <= len(waiting), "--robots", config.robots, valid)
+    cells = _spread(site, rng.permutation(waiting), n_on_lanes)
     return np.concatenate((parked, graph.first_states(cells)))
 
 

@@ -157,7 +157,7 @@ def safety_sentences(rows: Sequence[GapRow], fidelities: Sequence[str]) -> list[
             f"{sum(row.tasks_failed for row in mine)} tasks failed."
         )
         if stalled := sum(row.stalled for row in mine):
-            said.append(f"{fidelity}: {stalled} runs came to a stand.")
+            said.append(f"{fidelity}: {stalled} run{'s' if stalled > 1 else ''} came to a stand.")
     return said
 
 

@@ -142,9 +142,9 @@ def run_session(config: RunConfig, session: SessionConfig, make: MakeSimulation 
         interrupted = stack.enter_context(interrupts())
         prepare_output(session.out)
         run_file = stack.enter_context(RunFile(session.out, config=config, seed=config.seed))
-        # Before the recorder, which takes a second to open: a run that is killed meanwhile has both files.
-        tracer = stack.enter_context(Tracer(simulation.view, session.out, run_file.name))
         try:
+            # Before the recorder, which takes a second to open: a run that is killed meanwhile has both files.
+            tracer = stack.enter_context(Tracer(simulation.view, session.out, run_file.name))
             recorder = stack.enter_context(_recorder(simulation.view, session))
         except FleetError:
             stack.close()

@@ -28,7 +28,7 @@ class Stations:
         self._time_of = [self.times.of(station.arm, station.direction) for station in stations]
         self.dock_states: npt.NDArray[np.int32] = np.array([s.dock_state for s in stations], dtype=np.int32)
         """Lane-graph state of a car at each dock, shape (n_stations,)."""
-        self._closed: dict[str, bool] = {}  # by name: whether for good
+        self._closed: dict[str, dict[str, bool]] = {}  # by name and reason: whether for good
         self.n_closings = 0
         """Grows whenever a station is closed or opened."""
 
@@ -44,14 +44,18 @@ class Stations:
 
     # --- which are open
 
-    def close(self, arm: int, *, for_good: bool) -> None:
-        """Close a station, for now or for good."""
-        self._closed[self._stations[arm].name] = for_good
+    def close(self, arm: int, why: str, *, for_good: bool) -> None:
+        """Close a station for a reason, for now or for good."""
+        self._closed.setdefault(self._stations[arm].name, {})[why] = for_good
         self.n_closings += 1
 
-    def open(self, arm: int) -> None:
-        """Open a station again."""
-        self._closed.pop(self._stations[arm].name, None)
+    def open(self, arm: int, why: str) -> None:
+        """Let a reason to be closed go; a station without any is open."""
+        name = self._stations[arm].name
+        reasons = self._closed.get(name, {})
+        reasons.pop(why, None)
+        if not reasons:
+            self._closed.pop(name, None)
         self.n_closings += 1
 
     def is_open(self, name: str) -> bool:
@@ -60,12 +64,12 @@ class Stations:
 
     def is_lost(self, station: Station) -> bool:
         """Whether a station is closed for good."""
-        return self._closed.get(station.name, False)
+        return any(self._closed.get(station.name, {}).values())
 
     @property
     def any_lost(self) -> bool:
         """Whether any station is closed for good."""
-        return any(self._closed.values())
+        return any(map(self.is_lost, self._stations))
 
     def named(self, name: str) -> Station:
         """The station of a name that exists."""

@@ -42,7 +42,8 @@ def sentences(findings: Findings) -> list[str]:
             for points, word in ((surer, "better"), (worse, "worse")):
                 if points:
                     sizes = ", ".join(str(point.robots) for point in points)
-                    said.append(f"{curve.allocator} delivers {word} than {first} with {sizes} cars (95 % interval).")
+                    cars = "car" if sizes == "1" else "cars"
+                    said.append(f"{curve.allocator} delivers {word} than {first} with {sizes} {cars} (95 % interval).")
         else:
             said.append(f"{curve.allocator} and {first} differ in no fleet size by more than chance (95 % interval).")
     return said
@@ -69,5 +70,5 @@ def _curve(curve: Curve) -> list[str]:
         said.append(f"{curve.allocator}: nothing was delivered.")
     stalled = sum(point.n_stalled for point in curve.points)
     if stalled:
-        said.append(f"{curve.allocator}: {stalled} runs came to a stand.")
+        said.append(f"{curve.allocator}: {stalled} run{'s' if stalled > 1 else ''} came to a stand.")
     return said

@@ -109,6 +109,7 @@ def _table(findings: Findings) -> str:
     lines = ["<tr>" + "".join(f"<th>{escape(head)}</th>" for head in heads) + "</tr>"]
     for curve in findings.curves:
         for point in curve.points:
+            runs = "run" if point.n_stalled == 1 else "runs"
             cells = [
                 point.allocator,
                 str(point.robots),
@@ -118,7 +119,7 @@ def _table(findings: Findings) -> str:
                 between(point.waiting_share, scale=100.0),
                 f"{point.n_open:.0f}",
                 "-" if point.bound is None else str(point.bound),
-                str(point.bottleneck) + (f"; {point.n_stalled} runs came to a stand" if point.n_stalled else ""),
+                str(point.bottleneck) + (f"; {point.n_stalled} {runs} came to a stand" if point.n_stalled else ""),
             ]
             kind = ' class="knee"' if point.robots == curve.knee else ""
             *short, words = (escape(cell) for cell in cells)

@@ -116,7 +116,7 @@ class AssignmentReport:
     """One for each car, as it was then; empty if the task was never considered."""
 
     def __str__(self) -> str:
-        words = [f"{self.task} is {self.state} since {self.since_s:.1f} s: {self.cause}"]
+        words = [f"{self.task} has been {self.state} since {self.since_s:.1f} s: {self.cause}"]
         if self.warning:
             words.append(self.warning)
         if self.pairs:

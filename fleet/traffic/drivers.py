@@ -335,9 +335,11 @@ class StateDriver:
     def _stand(self, done: CellArray, world: World) -> BoolArray:
         """Which cars make no move now, shape (n_cars,); a slow one rests between two moves, and none is told late."""
         if not self.hindrances.any:
+            self._rests[:] = 0
             return self._stopped
         caps = self.hindrances.caps(np.ones(len(self._state)))
         self._rests = np.maximum(self._rests - 1, 0)
+        self._rests[caps >= 1.0] = 0
         slow = done[(caps[done] > 0.0) & (caps[done] < 1.0)]
         self._rests[slow] = np.round((1.0 / caps[slow] - 1.0) * MOVE_S / world.tick_s)
         return self._stopped | (caps == 0.0) | (self._rests > 0)

@@ -291,6 +291,11 @@ class Traffic:
             pending.plan()  # what it reads may change from now on
         self._wanted = True
 
+    def close(self) -> None:
+        """End the thread that plans, if there is one."""
+        if self._thread is not None:
+            self._thread.shutdown()
+
     def tick(self, tick: int) -> bool:
         """Land the plan that is due and make the request that is due.
 
@@ -337,7 +342,7 @@ class Traffic:
             self._price()
 
     def _price(self) -> None:
-        """Let ways cost what is known of the crowd; those to where nobody is on his way are left as they were."""
+        """Let ways cost what is known of the crowd; those to where nobody is on the way are left as they were."""
         self.n_ways += 1
         costs = self._crowd_costs + self._standing
         if self.ways is self._distances.around:

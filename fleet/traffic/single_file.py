@@ -39,6 +39,7 @@ class SingleFile:
         self.first: list[int] = []
         self._turn: dict[_End, int] = {}
         self._given_s: dict[_End, float] = {}
+        self._n_changes = lanes.n_changes
 
     def goals(
         self,
@@ -63,6 +64,10 @@ class SingleFile:
             Shape (n_cars,).
         """
         self.first = []
+        if self._n_changes != self._lanes.n_changes:  # dead ends have other numbers now
+            self._n_changes = self._lanes.n_changes
+            self._turn.clear()
+            self._given_s.clear()
         goes = goals != NO_GOAL
         found = goals.copy() if self._lanes.dead_ends else goals
         waits = np.zeros(len(goals), dtype=np.bool_)  # outside an outer dead end: it is nobody's turn within it

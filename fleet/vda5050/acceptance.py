@@ -55,6 +55,8 @@ class HeldOrder:
     """The last message that was accepted, without its header."""
     decision_point: Node | None = None
     """Last node of the base."""
+    actions: frozenset[str] = frozenset()
+    """Ids of all its actions, ended ones included."""
     cancelled: bool = False
     idle: bool = True
 
@@ -106,7 +108,7 @@ def judge(
         verdict = _by_number(order, held, strict_updates=strict_updates)
     else:
         verdict = _by_what_is_held(order, held, strict_updates=strict_updates)
-    verdict = verdict or _by_means(order, mode, around) or _by_actions(order, around, update=update)
+    verdict = verdict or _by_means(order, mode, around) or _by_actions(order, held, around, update=update)
     verdict = verdict or _by_place(order, around, update=update, standing=held.idle)
     return verdict or Verdict(outcome=OrderOutcome.UPDATE if update else OrderOutcome.NEW)
 
@@ -159,13 +161,18 @@ def _by_means(order: OrderMessage, mode: OperatingMode, around: VehicleSurroundi
     return None
 
 
-def _by_actions(order: OrderMessage, around: VehicleSurroundings, *, update: bool) -> Verdict | None:
-    """The vehicle can do all actions; those of the first node of an update are known already."""
+def _by_actions(order: OrderMessage, held: HeldOrder, around: VehicleSurroundings, *, update: bool) -> Verdict | None:
+    """The vehicle can do all actions; those of the first node of an update, which it may have passed, are known."""
     for edge in order.edges:
         for action in edge.actions:
             words = f"{shown(action.type)} is asked for on edge {shown(edge.id)}; valid: actions on nodes"
             return _refused(ErrorType.INVALID_ORDER_ACTION, words, order, actionId=action.id)
-    for node in order.nodes[1:] if update else order.nodes:
+    first, *rest = order.nodes
+    for action in first.actions if update else ():
+        if action.id not in held.actions:
+            words = f"{shown(action.type)} is new on node {shown(first.id)}, where the base ends; valid: on later nodes"
+            return _refused(ErrorType.INVALID_ORDER, words, order, actionId=action.id)
+    for node in rest if update else order.nodes:
         for action in node.actions:
             if unable := around.cannot_do(action, node):
                 return _refused(ErrorType.INVALID_ORDER_ACTION, unable, order, actionId=action.id)

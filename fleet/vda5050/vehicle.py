@@ -138,7 +138,7 @@ class Vehicle:
             order = order_of(body)
         except MessageError as error:
             return self.malformed(str(error), body)
-        held = replace(self._held, idle=self.idle)
+        held = replace(self._held, idle=self.idle, actions=frozenset(self._actions))
         verdict = judge(order, held, self.mode, self._around, strict_updates=self._strict_updates)
         self._wanted.add("state")
         if verdict.fault is not None:

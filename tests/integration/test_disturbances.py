@@ -12,6 +12,7 @@ import pytest
 
 from fleet.arrays import FloatArray
 from fleet.config import ArmConfig, Fidelity, RunConfig, ScenarioEvent
+from fleet.insight.codebook import UnknownRobot
 from fleet.insight.metrics import Summary
 from fleet.missions.phases import CarPhase
 from fleet.run.events import Event
@@ -627,3 +628,25 @@ def test_a_car_that_hears_late_stays_on_its_lane(delay_s: float) -> None:
     check(summary)
     assert not of_kind(log, "off_lane")
     assert max(off_m) <= 0.05
+
+
+def test_a_station_is_closed_until_all_that_closes_it_is_over() -> None:
+    """A station that was closed for a while opened over an arm that was dead for good."""
+    dead = event(5.0, "arm_dead", "arm_0")
+    closed = event(6.0, "station_closed", "pick_1", duration_s=5.0)
+    with made([dead, closed], fidelity=Fidelity.GRID) as simulation:
+        stations = simulation.stations
+        while simulation.sim_s < 20.0:
+            simulation.tick()
+            if simulation.sim_s > 6.5:
+                assert not stations.is_open("pick_1")
+                assert stations.is_lost(stations.named("pick_1"))
+                assert simulation.missions.bookings.closed[0]
+
+
+@pytest.mark.parametrize("car", [-1, 3])
+def test_a_car_that_is_not_there_cannot_be_lost(car: int) -> None:
+    with made(fidelity=Fidelity.GRID) as simulation:
+        with pytest.raises(UnknownRobot, match=f"car is {car}; valid: 0 to 2"):
+            simulation.lose_car(car, "test")
+        assert not simulation.missions.cars_in(CarPhase.DEAD)

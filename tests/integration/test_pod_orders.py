@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fleet.config import ArmConfig, CarConfig, Fidelity, RunConfig, ScenarioEvent
+from fleet.config import ArmConfig, BatteryConfig, CarConfig, Fidelity, RunConfig, ScenarioEvent
 from fleet.dispatch.interventions import CannotCancel, CannotRequeue
 from fleet.errors import ConfigError
 from fleet.incidents.faults.floor import LaneBlocked
@@ -134,6 +134,53 @@ def test_a_lifted_pod_stays_with_its_car(make: Make) -> None:
             simulation.requeue("a")
         simulation.run()
         assert simulation.board.named("a").state is TaskState.DONE
+
+
+def test_a_car_with_a_pod_brings_it_back_before_it_charges(tmp_path: Path) -> None:
+    """It went to charge with the pod on its plate, and another car set down a pod that was not there."""
+    floor = tmp_path / "floor.toml"
+    floor.write_text(FLOOR.read_text(encoding="utf-8").replace("KKKK", "KKKC"), encoding="utf-8")
+    made = config(
+        tmp_path / "orders.csv",
+        FOUR[:1],
+        Fidelity.GRID,
+        ("lifter",) * 2,
+        site=str(floor),
+        battery=BatteryConfig(enabled=True),
+    )
+    seen: list[Event] = []
+    with Simulation(made, on_event=seen.append) as simulation:
+        task, batteries = simulation.board.named("a"), simulation.batteries
+        car = until_lifted(simulation, "a")
+        assert batteries is not None
+        batteries.charge[car] = 0.9 * batteries.config.critical
+        while task.state is TaskState.VISITING:
+            assert task.car == car
+            simulation.tick()
+        assert task.state is TaskState.DONE
+    down = [event.facts for event in seen if event.kind == "pod_set_down"]
+    assert [facts["off_mm"] <= 20.0 for facts in down] == [True]
+
+
+def test_a_pod_order_stands_once(tmp_path: Path) -> None:
+    """It was counted as standing at each of its four errands, and told that it could not be done in time."""
+    path = tmp_path / "orders.csv"
+    path.write_text("id,release_s,type,pod,to,stand_s,due_s\na,0,pod,pod_2,parking_1,60,150\n", encoding="utf-8")
+    made = RunConfig(
+        site=str(FLOOR),
+        robots=1,
+        cars={"car_0": CarConfig(model="lifter")},
+        orders=path,
+        fidelity=Fidelity.GRID,
+        duration_s=300.0,
+        arms=ArmConfig(workers_n=0),
+    )
+    seen: list[Event] = []
+    with Simulation(made, on_event=seen.append) as simulation:
+        simulation.run()
+        assert simulation.board.named("a").state is TaskState.DONE
+        assert simulation.sim_s < 150.0
+    assert "impossible_due" not in {event.kind for event in seen}
 
 
 def test_an_order_that_has_no_pod_yet_goes_to_another_car(make: Make) -> None:
@@ -342,7 +389,7 @@ def test_what_is_told_of_carriers(make: Make) -> None:
         assert any(words in step for step in said), (words, said)
     until_lifting = order_history(events, "a", time_s=next(e["sim_s"] for e in events if e["kind"] == "pod_lifted"))
     visiting_s = next(e["sim_s"] for e in events if e.get("state") == TaskState.VISITING)
-    assert f"is visiting with car_0 since {visiting_s:.2f} s: pod_2 is lifted" in str(until_lifting)
+    assert f"has been visiting with car_0 since {visiting_s:.2f} s: pod_2 is lifted" in str(until_lifting)
 
 
 def test_a_carrier_that_has_given_up_its_pod_is_told_so(make: Make) -> None:

@@ -8,6 +8,7 @@ import pytest
 from fleet.config import Fidelity, RunConfig
 from fleet.recording import OutputError, output_file
 from fleet.recording.rerun_stream.stream import Stream
+from fleet.session import runner
 from fleet.session.runner import SessionConfig, run_session
 
 CONFIG = RunConfig(site="cell", robots=1, tasks=1, fidelity=Fidelity.GRID)
@@ -38,4 +39,14 @@ def test_a_disk_that_fills_at_the_start_leaves_nothing(tmp_path: Path, monkeypat
     told = r"MB are free on its disk; valid: at least .* or another directory \(--out\)$"
     with pytest.raises(OutputError, match=told):
         run_session(CONFIG, session(tmp_path / "out", record=True))
+    assert list((tmp_path / "out").iterdir()) == []
+
+
+def test_a_trace_that_cannot_be_opened_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object) -> None:
+        raise OutputError("no trace; valid: another directory")
+
+    monkeypatch.setattr(runner, "Tracer", refuse)
+    with pytest.raises(OutputError, match="no trace"):
+        run_session(CONFIG, session(tmp_path / "out", record=False))
     assert list((tmp_path / "out").iterdir()) == []

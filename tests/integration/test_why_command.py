@@ -80,11 +80,11 @@ def test_what_became_of_an_order_is_told_until_a_time(folder: Path, capsys: pyte
     moves = [event for event in events if event["kind"] == "task" and event["task"] == "order_1"]
     assert moves[-1]["state"] == "collected"
     first, *lines = said(["order_1", str(folder)], capsys).splitlines()
-    assert first.startswith("at 60.00 s: order_1 is collected")
+    assert first.startswith("at 60.00 s: order_1 has been collected since")
     assert sum(": ".join(line.split(": ")[1:]) in {move["cause"] for move in moves} for line in lines) == len(moves)
     carried = next(move for move in moves if move["state"] == "carried")
     first, second, *lines = said(["order_1", str(folder), "--at", str(carried["sim_s"] + 0.5)], capsys).splitlines()
-    assert f"order_1 is carried by {carried['car']} since {carried['sim_s']:.2f} s" in first
+    assert f"order_1 has been carried by {carried['car']} since {carried['sim_s']:.2f} s" in first
     assert second.startswith(carried["car"])
     assert lines[-1].split("  ")[-1].startswith("carried by")
     facts = json.loads(said(["order_1", str(folder), "--json", "--at", str(carried["sim_s"])], capsys))

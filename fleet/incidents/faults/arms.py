@@ -10,6 +10,8 @@ from fleet.incidents.recovery import Recovery
 from fleet.run.view import RunView
 from fleet.tasks.board import TaskState
 
+_CLOSED = "is closed"
+
 
 def arm_incidents(run: RunView, recovery: Recovery) -> dict[str, Incident]:
     """What can happen to arms and stations, by kind of event."""
@@ -20,8 +22,8 @@ def arm_incidents(run: RunView, recovery: Recovery) -> dict[str, Incident]:
         "grip_lost": GripLost(run),
         "camera_blind": ForEach(lambda arm, event: covered.add(arm), covered.discard),
         "station_closed": ForEach(
-            lambda arm, event: interventions.close_station(arm, run.sim_s, "is closed", for_good=event.is_for_good),
-            interventions.open_station,
+            lambda arm, event: interventions.close_station(arm, run.sim_s, _CLOSED, for_good=event.is_for_good),
+            lambda arm: interventions.open_station(arm, _CLOSED),
         ),
     }
 
@@ -38,7 +40,7 @@ class ArmDead:
         run, for_good = self._run, event.is_for_good
         for arm in targets:
             run.arm_manager.stop([arm])
-            run.dispatcher.rules.interventions.close_station(arm, run.sim_s, f"arm_{arm} is dead", for_good=for_good)
+            run.dispatcher.rules.interventions.close_station(arm, run.sim_s, _as_dead(arm), for_good=for_good)
             car = int(run.missions.served[arm])
             clear = run.arm_manager.services[arm].dock_is_clear
             if not for_good or car < 0 or clear:
@@ -54,9 +56,13 @@ class ArmDead:
         """See `Incident`."""
         for arm in targets:
             self._run.arm_manager.go_on([arm])
-            self._run.dispatcher.rules.interventions.open_station(arm)
+            self._run.dispatcher.rules.interventions.open_station(arm, _as_dead(arm))
             if arm in self._under:
                 self._recovery.revive(self._under.pop(arm), by=f"arm_{arm}")
+
+
+def _as_dead(arm: int) -> str:
+    return f"is closed, as arm_{arm} is dead"
 
 
 class GripLost(Once):
@@ -75,5 +81,6 @@ class GripLost(Once):
         since_s = self._since_s.setdefault(arm, self._run.sim_s)
         if self._run.sim_s - since_s < event.value("carried_s"):
             return False
+        del self._since_s[arm]
         self._run.world.fail_grip(arm)
         return True

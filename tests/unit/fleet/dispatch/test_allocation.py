@@ -150,7 +150,7 @@ def test_tasks_change_hands_where_much_is_gained() -> None:
     give_out(floor)
     assert [floor.task(name).car for name in "ab"] == [0, 4]
     causes = [step.cause for step in lives.of["a"] if step.state is TaskState.READY]
-    assert causes[-1] == "re-assigned: cost car_5 16.5 s, costs car_0 5.5 s"
+    assert causes[-1] == "re-assigned: cost car_5 16.5 s, costs car_0 5.5 s now"
 
 
 def test_tasks_change_hands_only_when_they_are_priced_anew() -> None:

@@ -260,3 +260,16 @@ def test_a_car_drives_round_one_that_stands_in_its_shortest_way() -> None:
         play.master.send("car_6", "order", order("o", node(home, 0), node("drop_4", 2), node(home, 4)))
         play.until(lambda: play.master.is_done("car_6", "o"), 200.0)
         assert play.master.state("car_6")["lastNodeId"] == home
+
+
+@pytest.mark.parametrize("pick", ["pick_1", "pick_2"])
+def test_both_arms_at_a_shared_dock_can_be_named(pick: str) -> None:
+    """Of two stations with one dock only the second was known."""
+    with Play(site="twin") as play:
+        play.tick()
+        master = play.master
+        body = order("o", node(play.here[0], 0), node(pick, 2, action("pick", "a", stationName=pick)))
+        master.send("car_0", "order", body)
+        play.until(lambda: master.is_done("car_0", "o"))
+        assert master.status("car_0") == {"a": "FINISHED"}
+        assert [task.pick for task in play.run.board.tasks] == [pick]

@@ -287,7 +287,7 @@ class Floor:
         self.bookings = Bookings(caps, self.n_cars)
         left_late = self.places.cells[: n_stations + len(self.places.chargers)]
         self.missions = Missions(self.board, self.stations, self.bookings, left_late, self.traffic)
-        self.ways = Ways(self.traffic)
+        self.ways = Ways(self.traffic, self.site.grid.cell_m)
         self.pods = Pods(None, self.places, self.graph, self.board, self.traffic, self.log)
         self.routes = VisitRoutes(self.places, self.ways, self.bookings, self.pods)
         self.services = Services(self.missions, self.graph, self.traffic, self.world)

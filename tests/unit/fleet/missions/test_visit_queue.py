@@ -92,4 +92,4 @@ def test_room_is_counted_down_and_a_lane_always_has_some() -> None:
 
 def test_a_delivery_does_not_stand() -> None:
     floor = Floor(orders=[delivery("a")])
-    assert floor.routes.stand_s(floor.ready("a")) == 0.0
+    assert floor.routes.stands_s(floor.ready("a")) == []

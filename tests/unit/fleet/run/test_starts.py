@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -49,3 +51,20 @@ def test_a_site_takes_the_most_cars_it_names_and_no_more(name: str) -> None:
     assert len(set(graph.state_cell[starts(most, site=site, graph=graph)].tolist())) == most
     with pytest.raises(ConfigError, match=rf"--robots is {most + 1}; valid: 1 to {most} \({len(site.parking)} parking"):
         starts(most + 1, site=site, graph=graph)
+
+
+def test_a_site_whose_lanes_have_little_room_to_wait_says_how_many_it_takes(tmp_path: Path) -> None:
+    """It ended in an error of numpy."""
+    wall, around, bay = "#" * 72, "#..." + "=" * 64 + "...#", "_..." + "=" * 64 + "..._"
+    parking, aisle = "_...K" + "=" * 62 + "K..._", "AP.." + "x" * 64 + "..DA"
+    lines = [wall, around, parking, aisle, bay, around, wall]
+    path = tmp_path / "long.toml"
+    plan = "\n".join(lines)
+    path.write_text(f"name = 'long'\nallow_reverse = true\nplan = '''\n{plan}\n'''\n", encoding="utf-8")
+    site = load_site(path)
+    graph = build_lane_graph(site)
+    room = len(site.parking) + len(waiting_cells(site, graph))
+    assert room < most_cars(site), "else it shows nothing"
+    with pytest.raises(ConfigError, match=rf"valid: 1 to {room} \(2 parking cells, and {room - 2} on lanes"):
+        start_states(RunConfig(site=str(path), robots=most_cars(site)), site, graph)
+    assert len(start_states(RunConfig(site=str(path), robots=room), site, graph)) == room

@@ -112,7 +112,7 @@ def test_contacts_and_slip_are_told_of_all_seeds() -> None:
     assert "2.10 mm" in physics
     assert "slip is not measured" in kinematic
     stands = safety_sentences([replace(ROW, stalled=True)], ["physics"])
-    assert stands[-1] == "physics: 1 runs came to a stand."
+    assert stands[-1] == "physics: 1 run came to a stand."
 
 
 def test_the_reference_is_physics_wherever_it_stands() -> None:

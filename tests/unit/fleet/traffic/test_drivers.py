@@ -96,3 +96,17 @@ def test_the_grid_is_driven_state_by_state(graph: LaneGraph) -> None:
     driver.give_up(0)
     assert driver.commands(world)[0, 0] == targets[0]
     assert driver.at_rest(0)
+
+
+def test_a_rest_between_two_moves_ends_with_what_made_the_car_slow(graph: LaneGraph) -> None:
+    """It was kept until somebody else was hindered, and then waited for."""
+    states = np.array([0, 5], dtype=np.int32)
+    driver = StateDriver(graph, states, lambda: states)
+    world: Any = SimpleNamespace(tick_s=0.05)
+    nobody = np.empty(0, dtype=np.int32)
+    driver.hindrances.slow(0, 0.1)
+    assert driver._stand(np.array([0], dtype=np.int32), world).tolist() == [True, False]
+    driver.hindrances.slow(0, 1.0)
+    assert driver._stand(nobody, world).tolist() == [False, False]
+    driver.hindrances.hold(1)
+    assert driver._stand(nobody, world).tolist() == [False, True]

@@ -43,6 +43,8 @@ def test_plans_made_in_a_thread_change_nothing(monkeypatch: pytest.MonkeyPatch) 
             while not simulation.finished:
                 simulation.tick()
             hashes.append(simulation.state_hash())
+            thread = simulation.traffic._thread
+        assert thread is None or thread._shutdown, "the thread ends with the run"
         threads.append(Counted.n_given)
     assert hashes[0] == hashes[1]
     assert threads[0] == 0 < threads[1]

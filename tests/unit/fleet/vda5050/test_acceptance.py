@@ -309,3 +309,14 @@ def test_an_instant_action_that_comes_twice_is_done_once() -> None:
     bench.vehicle.instant_actions({"actions": [action("stopPause", "q", "NONE")]})
     bench.vehicle.instant_actions({"actions": [action("startPause", "p", "NONE")]})
     assert not bench.vehicle.paused
+
+
+@pytest.mark.parametrize("dialect", ALL)
+def test_an_update_brings_nothing_new_to_the_node_where_the_base_ends(dialect: str) -> None:
+    """It was taken, never begun, and the vehicle was busy until the order was cancelled."""
+    bench, known = Bench(DIALECTS[dialect]), action("pick", "known")
+    assert bench.tell(order("o1", node("n0", 0), node("n1", 2, known))) == "new"
+    late = order("o1", node("n1", 2, known, action("pick", "late")), node("n2", 4), update=1)
+    assert bench.tell(late) == "INVALID_ORDER"
+    assert "late" not in {one["actionId"] for one in bench.state()["actionStates"]}
+    assert bench.tell(order("o1", node("n1", 2, known), node("n2", 4), update=1)) == "update"
