@@ -27,8 +27,7 @@ _PAIR_REASON = {
     Reason.BETTER_FOR_ALL: PairReason.BETTER_FOR_ALL,
     Reason.LEFT_FOR_LATER: PairReason.LEFT_OVER,
 }
-_CODE = CODE_OF_REASON
-_CODE_OF = np.array([_CODE[_PAIR_REASON[reason]] for reason in Reason], dtype=np.int8)
+_CODE_OF = np.array([CODE_OF_REASON[_PAIR_REASON[reason]] for reason in Reason], dtype=np.int8)
 """What the planners' reasons are called here, by their value."""
 
 
@@ -95,14 +94,16 @@ class AllocationRound:
             if asked:
                 _tell(codes, self.answer, *(list(numbers) for numbers in zip(*asked, strict=True)))
             busy = codes[:, self.soon]
-            codes[:, self.soon] = np.where(busy == _CODE[PairReason.NO_WAY], busy, np.int8(_CODE[PairReason.CAR_BUSY]))
+            codes[:, self.soon] = np.where(
+                busy == CODE_OF_REASON[PairReason.NO_WAY], busy, np.int8(CODE_OF_REASON[PairReason.CAR_BUSY])
+            )
         for k, column in enumerate(columns):
             if self.taker_of[column] >= 0:
-                codes[k, self.taker_of[column]] = _CODE[PairReason.CHOSEN]
+                codes[k, self.taker_of[column]] = CODE_OF_REASON[PairReason.CHOSEN]
             if column in self.later:
-                codes[k, self.later[column]] = _CODE[PairReason.PLANNED_LATER]
+                codes[k, self.later[column]] = CODE_OF_REASON[PairReason.PLANNED_LATER]
             if column in self.full:
-                codes[k, codes[k] == CAN_TAKE] = _CODE[PairReason.NOT_OFFERED]
+                codes[k, codes[k] == CAN_TAKE] = CODE_OF_REASON[PairReason.NOT_OFFERED]
         return codes
 
     @cached_property

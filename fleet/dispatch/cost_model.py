@@ -27,8 +27,7 @@ from planners.mapf.distance_table import UNREACHABLE
 
 FULL_S = 300.0
 """To charge a car that is full costs so much more than to charge an empty one, as seconds of travel [s]."""
-_CODE = CODE_OF_REASON
-_NO_WAY, _OUT = _CODE[PairReason.NO_WAY], _CODE[PairReason.CAR_OUT]
+_NO_WAY, _OUT = CODE_OF_REASON[PairReason.NO_WAY], CODE_OF_REASON[PairReason.CAR_OUT]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -78,8 +77,9 @@ class _Work(NamedTuple):
     begin: IntArray
     """The row of each task, shape (n_tasks,)."""
     pick: IntArray
+    """Arm where it begins, -1 = it is a visit, shape (n_tasks,)."""
     drop: IntArray
-    """Arms of both ends, -1 = it is a visit, shape (n_tasks,)."""
+    """Arm where it ends, the same."""
     n_rest_moves: FloatArray
     """Moves from where it begins on, shape (n_tasks,)."""
     service_s: FloatArray
@@ -274,21 +274,21 @@ class CostModel:
             n_rest_moves, stand_s = self._routes.rest(task)
             n_home_moves = float(charging.moves_home(np.array(errands[-1][0].states[:1]))[0])
             allowed = charging.allows_way(cars.tolist(), moves[cars] + n_rest_moves + n_home_moves, stand_s)
-        codes[cars[~allowed]] = _CODE[PairReason.LOW_CHARGE]
+        codes[cars[~allowed]] = CODE_OF_REASON[PairReason.LOW_CHARGE]
 
 
 def _refuse_kept(codes: Codes, task: Task, kept: Mapping[int, Task]) -> None:
     """Refuse the cars, of those that could take a task, that are kept for another, or that it is not kept for."""
     mine = next((car for car, leg in kept.items() if leg is task), None)
-    for car in np.flatnonzero(codes == CAN_TAKE).tolist() if kept else ():
+    for car in np.flatnonzero(codes == CAN_TAKE).tolist():
         if mine is not None and car != mine:
-            codes[car] = _CODE[PairReason.OTHER_CAR]
+            codes[car] = CODE_OF_REASON[PairReason.OTHER_CAR]
         elif car in kept and kept[car] is not task:
-            codes[car] = _CODE[PairReason.KEPT_FOR_LEG]
+            codes[car] = CODE_OF_REASON[PairReason.KEPT_FOR_LEG]
 
 
 def _refuse_shunned(codes: Codes, task: Task) -> None:
     """Refuse the cars that a task was taken from, if another one can take it: better one that failed than nobody."""
     shunned = np.isin(np.arange(len(codes)), list(task.shunned)) & (codes == CAN_TAKE)
     if ((codes == CAN_TAKE) & ~shunned).any():
-        codes[shunned] = _CODE[PairReason.SHUNNED]
+        codes[shunned] = CODE_OF_REASON[PairReason.SHUNNED]

@@ -12,8 +12,6 @@ from fleet.tasks.board import Task
 from fleet.tasks.order import Ability
 from fleet.tasks.reasons import CODE_OF_REASON, PairReason
 
-_CODE = CODE_OF_REASON
-
 Codes = npt.NDArray[np.int8]
 
 
@@ -39,7 +37,7 @@ class Fitness:
         if task.index not in self._codes:
             heavy = task.order.payload_kg > self._most_kg
             lacks = self._lacks(task.order.needs)
-            codes = np.where(heavy, _CODE[PairReason.TOO_HEAVY], _CODE[PairReason.LACKS_CAPABILITY])
+            codes = np.where(heavy, CODE_OF_REASON[PairReason.TOO_HEAVY], CODE_OF_REASON[PairReason.LACKS_CAPABILITY])
             unfit = heavy | lacks
             self._codes[task.index] = np.where(unfit, codes, CAN_TAKE).astype(np.int8) if unfit.any() else None
         return self._codes[task.index]

@@ -297,6 +297,7 @@ def _build(spec: CarSpec) -> Build:
         length_m=spec.front_m + spec.rear_m,
         width_m=2.0 * spec.half_width_m,
         height_m=spec.height_m,
+        steers=spec.steers,
         front_m=spec.front_m,
         pick_s=SERVICE_S,
     )

@@ -14,6 +14,7 @@ from fleet.gateway.errors import GatewayError
 from fleet.gateway.foreign_driver import ForeignDriver
 from fleet.gateway.foreign_vehicles import ForeignVehicles
 from fleet.gateway.node_map import DEVIATION_M, DEVIATION_RAD
+from fleet.gateway.simulation import require_one_motion
 from fleet.robots.angle import wrapped_all
 from fleet.run.events import Event
 from fleet.run.setup import RunSetup
@@ -53,8 +54,9 @@ class ForeignSimulation(Simulation):
         require(config.fidelity is Fidelity.GRID, "--fidelity", str(config.fidelity), "grid: the vehicles are outside")
         self.vehicles = vehicles
         setup = RunSetup.of(config)
+        require_one_motion(setup)
         states = _states(setup.graph, [vehicles.pose(car) for car in range(config.robots)])
-        scene = scene_of(setup.site, setup.graph.state_pose[states], config.grip, config.arms)
+        scene = scene_of(setup.site, setup.graph.state_pose[states], config.grip, config.arms, setup.scene.cars)
 
         def driver(setup: RunSetup, world: World, config: RunConfig, rng: np.random.Generator) -> Driver:
             del config, rng

@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-import json
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, datetime
 from typing import Any, NamedTuple
 
 from fleet.gateway.errors import GatewayError
 from fleet.gateway.transport import BrokerLink, Transport
 from fleet.vda5050.codec import Body, Codec
 from fleet.vda5050.dialects import Dialect
-from fleet.vda5050.envelope import Identity, Post
+from fleet.vda5050.envelope import Envelope, Identity, Post
 from fleet.vda5050.faults import MessageError
 from fleet.vda5050.fields import instant_of, number_of, object_of, whole_of
 from fleet.vda5050.growing_order import GrowingOrder
+from fleet.vda5050.vehicle import Outgoing
 from maps.reading.shown import shown
 
 HEARD = ("state", "connection")
@@ -69,8 +68,7 @@ class ForeignVehicles:
         self._newest = [_NEVER] * len(identities)
         self._identities = list(identities)
         self._codec = Codec(dialect)
-        self._start = start
-        self._n_sent: Counter[tuple[int, str]] = Counter()
+        self._envelopes = [Envelope(identity, self._codec, start) for identity in self._identities]
         self._n_asked = 0
         self._car_of = {one.topic(dialect.level, name): car for car, one in enumerate(identities) for name in HEARD}
         self._link: BrokerLink = transport.link(list(self._car_of), None)
@@ -91,7 +89,7 @@ class ForeignVehicles:
                 self._note(VehicleNote(car=car, what="message_refused", of=name, cause=words))
 
     def taken_notes(self) -> list[VehicleNote]:
-        """What was out of the ordinary since the last call; what a vehicle repeats is told once."""
+        """What was out of the ordinary since the last call; what a vehicle says twice running is told once."""
         found, self._notes = self._notes, []
         return found
 
@@ -181,18 +179,7 @@ class ForeignVehicles:
         self.states[car] = body
 
     def _post(self, car: int, name: str, message: Body, now_s: float) -> Post:
-        identity, dialect = self._identities[car], self._codec.dialect
-        stamp = (self._start + timedelta(seconds=now_s)).isoformat(timespec="milliseconds")
-        header = {
-            "headerId": self._n_sent[car, name],
-            "timestamp": stamp.replace("+00:00", "Z"),
-            "version": dialect.version,
-            "manufacturer": identity.manufacturer,
-            "serialNumber": identity.serial,
-        }
-        self._n_sent[car, name] += 1
-        payload = json.dumps(self._codec.encode(name, header | message), separators=(",", ":")).encode()
-        return Post(topic=identity.topic(dialect.level, name), payload=payload, qos=0, retain=False)
+        return self._envelopes[car].post(Outgoing(topic=name, body=message), now_s)
 
 
 def _check_position(state: Body) -> None:

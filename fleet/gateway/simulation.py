@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from fleet.assembly import Parts
-from fleet.config import RunConfig
+from fleet.config import RunConfig, require
 from fleet.gateway.config import GatewayConfig
 from fleet.gateway.gateway import Gateway
 from fleet.gateway.rules import MasteredAdmission, MasteredDispatcher
@@ -15,6 +15,16 @@ from fleet.run.ending import Ending
 from fleet.run.events import Event
 from fleet.run.setup import RunSetup
 from fleet.simulation import Simulation
+
+
+def require_one_motion(setup: RunSetup) -> None:
+    """Refuse fleets of which some drive other ways than others: a node stands for states of one kind of cars.
+
+    Raises:
+        ConfigError: They do.
+    """
+    names = ", ".join(kind.name for kind in setup.scene.cars.kinds)
+    require(setup.graph.n_kinds == 1, "models of the cars", names, "models that all steer, or all turn on the spot")
 
 
 class MasteredSimulation(Simulation):
@@ -45,8 +55,11 @@ class MasteredSimulation(Simulation):
         setup: RunSetup | None = None,
     ) -> None:
         parts = Parts(orders=(), dispatcher=MasteredDispatcher, admission=MasteredAdmission)
-        super().__init__(replace(config, orders=None), on_event=on_event, setup=setup, parts=parts)
+        config = replace(config, orders=None)
+        setup = setup or RunSetup.of(config)
+        require_one_motion(setup)
         self.gateway: Gateway | None = None
+        super().__init__(config, on_event=on_event, setup=setup, parts=parts)
         try:
             self.gateway = Gateway(self.view, gateway, transport)
         except Exception:
@@ -64,6 +77,6 @@ class MasteredSimulation(Simulation):
 
     def close(self) -> None:
         """Let the cars leave in order; see `Simulation`."""
-        if getattr(self, "gateway", None) is not None and self.gateway is not None:
+        if self.gateway is not None:
             self.gateway.close()
         super().close()

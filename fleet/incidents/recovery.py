@@ -187,7 +187,9 @@ class Recovery:
         run.events.log("car_lost", car=f"car_{car}", cause=reason)
 
     def revive(self, car: int, by: str) -> None:
-        """A dead car is alive again, with nothing in its tray or on its plate: it comes back into service.
+        """A dead car is alive again, with nothing in its tray: it comes back into service.
+
+        A pod on its plate is put back, unless something stands where it belongs: such a car takes no task.
 
         Args:
             car: The car; it stays dead as long as anything else keeps it so.
@@ -213,7 +215,12 @@ class Recovery:
     def tow(self, car: int) -> bool:
         """Pull a dead car to the nearest free parking place, without what lies in its tray or on its plate.
 
-        Returns False if there is none, or something stands where its pod belongs.
+        Args:
+            car: The car.
+
+        Returns:
+            Whether that is done, or nothing was to be done; False if no place is free, something stands where its pod
+            belongs, or it does not lie still yet.
         """
         run = self._run
         wreck = self._wrecks.get(car)

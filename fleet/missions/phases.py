@@ -27,7 +27,7 @@ class CarPhase(StrEnum):
     """On a visit, where it was to go."""
     RECOVERING = "recovering"
     RETIRED = "retired"
-    """Drives, but takes no task: a parcel that could not be unloaded lies in its tray."""
+    """Drives, but takes no task: it keeps a parcel or a pod that it could not bring away, or has left service."""
     DEAD = "dead"
 
 
@@ -49,7 +49,7 @@ BOOKED = AT_CHARGER | AT_DOCK | ON_VISIT | TO_STATION | {CarPhase.HELD}
 OUT = frozenset({CarPhase.RECOVERING, CarPhase.RETIRED, CarPhase.DEAD})
 """Phases of a car that takes no task."""
 GONE = frozenset({CarPhase.RETIRED, CarPhase.DEAD})
-"""Phases that last for good."""
+"""Phases that last until somebody ends them from outside."""
 MAY_STAND_DOWN = ON_VISIT | {CarPhase.TO_PICK, CarPhase.HELD, CarPhase.CHARGING}
 """Phases in which a car is free as soon as its task is taken from it."""
 

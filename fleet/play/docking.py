@@ -30,9 +30,9 @@ from fleet.robots.speed_ramp import SpeedRamp
 from fleet.run.setup import RunSetup
 from fleet.simulation import Simulation
 from fleet.traffic.drivers import AT_REST_MPS
-from fleet.traffic.replanning import NO_GOAL
 from fleet.world.protocol import World
 from maps.lane_graph import LaneGraph
+from planners.mapf.problem import NO_GOAL
 
 FROM_M = 1.0
 """The policy drives from here to the stop: as much of the way is left [m]."""

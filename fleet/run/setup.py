@@ -44,7 +44,7 @@ class RunSetup:
         site = load_site(config.site)
         require_room(config.robots, site)
         models = CarModels.named(config.models)
-        _check(config, models)
+        _check_models(config, models)
         _check_pods(config, site)
         graph = lanes_for(site, models)
         docks = [place.dock.cell for place in site.stations]
@@ -59,27 +59,29 @@ class RunSetup:
         )
 
 
+def _require_plain_world(config: RunConfig, where: str, of_cars: str) -> None:
+    """Refuse worlds that are mixed, or in tiles, where these do not have what the run needs."""
+    valid = f"physics, kinematic or grid {where}"
+    require(config.fidelity is not Fidelity.MIXED, "--fidelity", str(config.fidelity), valid)
+    tiled = config.fidelity is Fidelity.PHYSICS and config.connect is Connect.DIRECT
+    most = config.physics.plain_cars_n if tiled else config.robots
+    require(config.robots <= most, "--robots", config.robots, f"1 to {most} in physics, {of_cars}")
+
+
 def _check_pods(config: RunConfig, site: Site) -> None:
     """Refuse pods where a world has none."""
     if not site.storage:
         return
-    valid = f"physics, kinematic or grid on site {site.name}, on which pods stand"
-    require(config.fidelity is not Fidelity.MIXED, "--fidelity", str(config.fidelity), valid)
-    tiled = config.fidelity is Fidelity.PHYSICS and config.connect is Connect.DIRECT
-    most = config.physics.plain_cars_n if tiled else config.robots
-    require(config.robots <= most, "--robots", config.robots, f"1 to {most} in physics, on a site on which pods stand")
+    _require_plain_world(config, f"on site {site.name}, on which pods stand", "on a site on which pods stand")
 
 
-def _check(config: RunConfig, models: CarModels) -> None:
+def _check_models(config: RunConfig, models: CarModels) -> None:
     """Refuse cars of several models where all have to be of one."""
     if len(models.kinds) == 1 and models.kinds[0].steers:
         return
     names = ", ".join(kind.name for kind in models.kinds)
-    valid = f"physics, kinematic or grid for cars of several models, or that do not steer ({names})"
-    require(config.fidelity is not Fidelity.MIXED, "--fidelity", str(config.fidelity), valid)
-    tiled = config.fidelity is Fidelity.PHYSICS and config.connect is Connect.DIRECT
-    most = config.physics.plain_cars_n if tiled else config.robots
-    require(config.robots <= most, "--robots", config.robots, f"1 to {most} in physics, of such models ({names})")
+    several = f"for cars of several models, or that do not steer ({names})"
+    _require_plain_world(config, several, f"of such models ({names})")
     seen = config.perception is Perception.CAMERA
     fits = not seen or len(models.hulls) == 1
     require(fits, "models of the cars", names, "models with the same tray, as cameras are set up for one kind of tray")

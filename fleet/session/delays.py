@@ -6,8 +6,9 @@ import numpy as np
 
 from fleet.arrays import FloatArray
 from fleet.run.view import RunView
-from fleet.traffic.replanning import MOVE_S, NO_GOAL
+from fleet.traffic.drivers import MOVE_S
 from planners.mapf.distance_table import UNREACHABLE
+from planners.mapf.problem import NO_GOAL
 
 EACH_CAR = 30
 """Fleets up to so many cars have a line for each; in larger ones nobody could tell them apart."""

@@ -8,8 +8,8 @@ from contextlib import AbstractContextManager
 from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
 
+from fleet.arrays import FloatArray
 from fleet.recording.rerun_stream.palette import identity_colour
 from fleet.recording.rerun_stream.poses import at_height
 from fleet.run.view import RunView
@@ -28,8 +28,6 @@ _LANE_Z_M, _PLANNED_Z_M, _GRANTED_Z_M = 0.012, 0.03, 0.04
 _LANE_RGB = (0.80, 0.82, 0.86)
 _HEAD_RGB = (0.15, 0.35, 0.75)
 _NAME_Z_M, _STATION_Z_M = 0.45, 1.3
-
-FloatArray = npt.NDArray[np.float64]
 
 
 class Window(Protocol):

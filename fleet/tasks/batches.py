@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from fleet.tasks.board import DONE_STATES, Task, TaskBoard, TaskState
-
-_ENDED = (*DONE_STATES, TaskState.FAILED, TaskState.CANCELLED)
+from fleet.tasks.board import CLOSED_STATES, DONE_STATES, Task, TaskBoard, TaskState
 
 
 @dataclass(kw_only=True)
@@ -43,7 +41,7 @@ class Batches:
 
     def _moved(self, task: Task, before: TaskState, now_s: float) -> None:
         """Take note of a step of a task."""
-        if not task.order.batch or before in DONE_STATES or task.state not in _ENDED:
+        if not task.order.batch or before in DONE_STATES or task.state not in CLOSED_STATES:
             return
         batch = self._batches[task.order.batch]
         batch.n_open -= 1

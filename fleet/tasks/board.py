@@ -72,7 +72,8 @@ _NEXT: dict[TaskState, frozenset[TaskState]] = {
 CANCELLABLE = frozenset(state for state, following in _NEXT.items() if TaskState.CANCELLED in following)
 """States in which the fleet does not have a task's parcel yet."""
 _GIVEN_UP = frozenset({TaskState.FAILED, TaskState.CANCELLED})
-_CLOSED = (*DONE_STATES, TaskState.FAILED, TaskState.CANCELLED)
+CLOSED_STATES = (*DONE_STATES, TaskState.FAILED, TaskState.CANCELLED)
+"""States in which a task has ended, one way or another."""
 
 
 class IllegalTransition(FleetError):
@@ -212,7 +213,7 @@ class TaskBoard:
     @property
     def n_closed(self) -> int:
         """Number of tasks that nobody has to wait for any more: done, failed or cancelled."""
-        return sum(len(self._by_state[state]) for state in _CLOSED)
+        return sum(len(self._by_state[state]) for state in CLOSED_STATES)
 
     def named(self, name: str) -> Task:
         """The task of an order.

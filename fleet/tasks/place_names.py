@@ -30,7 +30,7 @@ class PlaceNames:
         self._lane_cells = frozenset(site.lanes.ravel().tolist()) - self._storage
 
     def is_bay(self, name: str) -> bool:
-        """Whether a place is one to stand at: a dock, a parking place or a charger."""
+        """Whether a place is one to stand at: a dock, a parking place, a charger or a storage place."""
         return name in self._bays
 
     def cell(self, name: str) -> int:

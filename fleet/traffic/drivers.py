@@ -30,7 +30,7 @@ OFF_LANE_M, OFF_LANE_RAD = 0.20, 0.6
 PASS_SPEED_MPS = 1.0
 """Travel speed in aisles."""
 MOVE_S = 1.0
-"""Time of a move on the grid [s]."""
+"""Time of a move on the grid, and the least elsewhere [s]."""
 
 
 class Driver(Protocol):

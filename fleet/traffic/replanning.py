@@ -13,6 +13,7 @@ import numpy.typing as npt
 from fleet.arrays import CellArray
 from fleet.config import TrafficConfig
 from fleet.traffic.crowding import WAITS_AFTER_S, Crowding
+from fleet.traffic.drivers import MOVE_S
 from fleet.traffic.executor import Executor
 from fleet.traffic.floor_distances import FloorDistances
 from fleet.traffic.head_on import HeadOn
@@ -23,9 +24,8 @@ from maps.lane_graph import LaneGraph
 from planners.deadline import Deadline
 from planners.mapf.distance_table import UNREACHABLE, DistanceTable
 from planners.mapf.planner import begins, heeds_comes
-from planners.mapf.problem import Instance, Plan
+from planners.mapf.problem import NO_GOAL, Instance, Plan
 
-NO_GOAL = -1
 NO_CELL = -1
 NO_CAR = -1
 QUEUE_MOVES = 6
@@ -42,8 +42,6 @@ TURN_RANK_S = 1e4
 COMMIT_MOVES = 2
 """Moves that a car keeps beyond the granted ones if the planner takes it to stand where they end: with fewer, more of
 the order in which cars meet is decided by where they are not yet."""
-MOVE_S = 1.0
-"""Least time of a move [s]."""
 THREAD_CARS = 200
 """Plans for so many cars are made in a thread of their own while the run goes on; for fewer that takes longer."""
 GREAT_FLEET_CARS = 100

@@ -33,6 +33,8 @@ class Build:
     length_m: float
     width_m: float
     height_m: float
+    steers: bool
+    """Whether its front wheels steer it; else it turns on the spot."""
     front_m: float
     """From the reference point to the front [m]."""
     pick_s: float
@@ -47,7 +49,7 @@ def factsheet_of(build: Build, timing: Timing) -> dict[str, Any]:
         "typeSpecification": {
             "seriesName": build.series,
             # Steered by its front wheels: of the kinds that the standard names, three wheels drive like it.
-            "mobileRobotKinematics": "THREE_WHEEL",
+            "mobileRobotKinematics": "THREE_WHEEL" if build.steers else "DIFFERENTIAL",
             "mobileRobotClass": "CARRIER",
             "maximumLoadMass": build.payload_kg,
             "localizationTypes": ["NATURAL"],
@@ -106,7 +108,7 @@ def _node_action(kind: str) -> dict[str, Any]:
         "actionDescription": f"the arm of the station does the {kind}",
         "actionScopes": ["NODE"],
         "actionParameters": parameters,
-        "blockingTypes": ["HARD"],
+        "blockingTypes": ["SOFT", "HARD"],
         "pauseAllowed": False,
         "cancelAllowed": False,
     }

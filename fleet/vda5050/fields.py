@@ -1,4 +1,7 @@
-"""Fields of messages, checked: what is missing or of another kind is refused with its place and what is valid."""
+"""Fields of messages, checked: what is missing or of another kind is refused with its place and what is valid.
+
+All functions raise `MessageError`.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +21,7 @@ _WHOLE = f"an integer >= 0, at most {MOST_WHOLE}"
 
 
 def text_of(body: Body, name: str, where: str) -> str:
-    """A text; raises `MessageError`, as the others do."""
+    """A text."""
     return _of_kind(str, body, name, where, "a text")
 
 

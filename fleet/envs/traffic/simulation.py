@@ -18,10 +18,10 @@ from fleet.simulation import Simulation
 from fleet.tasks.order import Delivery
 from fleet.traffic.executor import Executor
 from fleet.traffic.floor_distances import FloorDistances
-from fleet.traffic.replanning import NO_GOAL, Traffic
+from fleet.traffic.replanning import Traffic
 from maps.lane_graph import LaneGraph
 from planners.mapf.pibt import Stepper
-from planners.mapf.problem import Plan
+from planners.mapf.problem import NO_GOAL, Plan
 from planners.status import Status
 
 N_MOVES_LEFT = 1

@@ -63,13 +63,7 @@ class ArmCell:
 
     def base_from_world(self, points: FloatArray) -> FloatArray:
         """World points (..., 3) in the base frame."""
-        x, y, z, yaw = self.base_pose
-        cos, sin = np.cos(yaw), np.sin(yaw)
-        offset = points - np.array([x, y, z])
-        turned = offset.copy()
-        turned[..., 0] = cos * offset[..., 0] + sin * offset[..., 1]
-        turned[..., 1] = -sin * offset[..., 0] + cos * offset[..., 1]
-        return turned
+        return _in_base(self.base_pose, points)
 
     def geometry_key(self) -> bytes:
         """Equal for cells whose surroundings are the same in their base frames."""
@@ -140,37 +134,35 @@ def _arm_cell(
             name = f"lane at {_at(grid, x, y)}"
             boxes.append(_Box(np.array([x, y, passing_m / 2]), half, name=name))
     near = [box for box in boxes if _gap(box, base) < REACH_M] + _fence(base)
-    cell = ArmCell(
-        car=car,
-        base_pose=base,
-        slots=np.empty((0, 3)),
-        tray=np.empty(3),
-        box_centre=np.array([box.centre for box in near]),
-        box_half=np.array([box.half for box in near]),
-        box_yaw=np.array([box.yaw - base[3] for box in near]),
-        box_min_frame=np.array([box.min_frame for box in near], dtype=np.int64),
-        box_name=tuple(box.name for box in near),
-        dock_box=np.empty((2, 3)),
-        dock_yaw=0.0,
-    )
     dock_x, dock_y = grid.xy(*grid.row_col(place.dock.cell))
-    dock_centre = cell.base_from_world(np.array([dock_x, dock_y, dock_m / 2]))
+    dock_centre = _in_base(base, np.array([dock_x, dock_y, dock_m / 2]))
     x, y, yaw = docked
     ahead = car.tray_x_m
     tray = np.array([x + ahead * np.cos(yaw), y + ahead * np.sin(yaw), car.tray_floor_z_m])
     return ArmCell(
         car=car,
         base_pose=base,
-        slots=cell.base_from_world(np.asarray(place.slots, dtype=np.float64)),
-        tray=cell.base_from_world(tray),
-        box_centre=cell.base_from_world(cell.box_centre),
-        box_half=cell.box_half,
-        box_yaw=cell.box_yaw,
-        box_min_frame=cell.box_min_frame,
-        box_name=cell.box_name,
+        slots=_in_base(base, np.asarray(place.slots, dtype=np.float64)),
+        tray=_in_base(base, tray),
+        box_centre=_in_base(base, np.array([box.centre for box in near])),
+        box_half=np.array([box.half for box in near]),
+        box_yaw=np.array([box.yaw - base[3] for box in near]),
+        box_min_frame=np.array([box.min_frame for box in near], dtype=np.int64),
+        box_name=tuple(box.name for box in near),
         dock_box=np.array([dock_centre, (grid.cell_m / 2, car.half_width_m + ASTRAY_M, dock_m / 2)]),
         dock_yaw=yaw - base[3],
     )
+
+
+def _in_base(base_pose: FloatArray, points: FloatArray) -> FloatArray:
+    """World points (..., 3) in the frame of a base at (x, y, z, yaw)."""
+    x, y, z, yaw = base_pose
+    cos, sin = np.cos(yaw), np.sin(yaw)
+    offset = points - np.array([x, y, z])
+    turned = offset.copy()
+    turned[..., 0] = cos * offset[..., 0] + sin * offset[..., 1]
+    turned[..., 1] = -sin * offset[..., 0] + cos * offset[..., 1]
+    return turned
 
 
 def _name(grid: GridMap, place: StationPlace, kind: str, centre: FloatArray, half: FloatArray) -> str:

@@ -6,7 +6,8 @@ import pytest
 from fleet.config import Fidelity, RunConfig
 from fleet.session.delays import EACH_CAR, MEAN, MOST, DelayWatch, delay_names
 from fleet.simulation import Simulation
-from fleet.traffic.replanning import MOVE_S, NO_GOAL
+from fleet.traffic.drivers import MOVE_S
+from planners.mapf.problem import NO_GOAL
 
 
 def one_car() -> Simulation:

@@ -24,6 +24,7 @@ SCHEMAS = Path(fleet.vda5050.__file__).parent / "schemas"
 START = datetime(2026, 1, 1, tzinfo=UTC)
 IDENTITY = Identity(interface="uagv", manufacturer="fleet", serial="car_0")
 BUILD = Build(
+    steers=True,
     series="racecar",
     payload_kg=2.0,
     speed_mps=2.0,
