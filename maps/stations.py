@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from maps.errors import LaneError, StationError
-from maps.grid import DCOL, DROW, HEADING_YAW, GridMap
+from maps.grid import DCOL, DROW, HEADING_YAW, CellOutsideError, GridMap
 from maps.plan import FloorPlan
 from maps.vehicle import BODY_FRONT_M, ENTRY_INSET_M, TRAY_AHEAD_M, TURN_RADIUS_M
 
@@ -303,7 +303,13 @@ def _check_floor(places: list[StationPlace], plan: FloorPlan, grid: GridMap, whe
             # The base may lean out of its cell by less than a car's clearance: cars keep to the centre lines.
             reach = half - _TOLERANCE_M if what.startswith("slot") else 0.0
             for dx, dy in ((-reach, -reach), (-reach, reach), (reach, -reach), (reach, reach)):
-                row, col = grid.cell_at(float(centre[0]) + dx, float(centre[1]) + dy)
+                try:
+                    row, col = grid.cell_at(float(centre[0]) + dx, float(centre[1]) + dy)
+                except CellOutsideError as error:
+                    raise StationError(
+                        f"{where}: {station.name}: {what} at ({centre[0]:.2f}, {centre[1]:.2f}) m lies outside of the "
+                        f"floor; valid: on blocked cells (one of # = _ A)"
+                    ) from error
                 if lanes[row, col]:
                     raise StationError(
                         f"{where}: {station.name}: {what} at ({centre[0]:.2f}, {centre[1]:.2f}) m stands on the lane "

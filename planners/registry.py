@@ -104,7 +104,11 @@ class Family(Mapping[str, type[T]]):
 
     def _config(self, name: str, kind: type[T], settings: Mapping[str, object]) -> object:
         """The settings of a class, as the dataclass that it takes."""
-        config, whose = config_type(kind), f"of {self.role} {name!r}"
+        whose = f"of {self.role} {name!r}"
+        try:
+            config = config_type(kind)
+        except Exception as error:  # annotations of somebody else are resolved: names may be missing
+            raise MemberError(f"settings {whose}: {told(error)}; valid: annotations that can be read") from error
         known = () if config is None else field_names(config)
         unknown = next((setting for setting in settings if setting not in known), None)
         if config is None or unknown is not None:

@@ -106,6 +106,19 @@ BROKEN: list[tuple[str, Change, list[str]]] = [
         swapped("speed_limit: [3, 0.0]", "speed_limit: 4"),
         ["lanes[0]: speed_limit is 4; valid: [type, value]"],
     ),
+    (
+        "building",
+        swapped("distance: [3, 12.0]", "distance: [3, -12.0]"),
+        ["measurements[0]: distance is -12.0; valid: a length > 0"],
+    ),
+    ("building", swapped("orientation: [1, forward]", "orientation: [1, [1, 2]]"), ["lanes[0]: orientation is [1, 2]"]),
+    ("building", swapped("graph_idx: [2, 0]", "graph_idx: [2, 12]"), ["lanes[0]: graph_idx is 12; valid: "]),
+    ("building", swapped("    - - 0\n      - 10\n", "    - - 0.7\n      - 10\n"), ["lanes[0]: vertex 0.7; valid: "]),
+    (
+        "opentcs",
+        swapped('armYawDeg" value="0"', 'armYawDeg" value="inf"'),
+        ["fleet:armYawDeg is 'inf'; valid: a number"],
+    ),
 ]
 """Format, what is changed in the file of the site `cell`, and what the refusal has to say."""
 

@@ -167,7 +167,7 @@ class Bridge:
     def _look(self, client: BridgeClient, header: Header) -> None:
         station, names = header.get("station"), [one.name for one in self._simulation.stations]
         if not isinstance(station, str) or station not in names:
-            raise RemoteError(f"station is {station!r}; valid: {', '.join(names)}")
+            raise RemoteError(f"station is {shown(station)}; valid: {', '.join(names)}")
         every_s = _number(header, "every_s")
         if not LEAST_LOOK_S <= every_s < float("inf"):
             raise RemoteError(f"every_s is {every_s}; valid: a number from {LEAST_LOOK_S} on")
@@ -185,7 +185,7 @@ class Bridge:
         del client
         fields = header.get("order")
         if not isinstance(fields, dict):
-            raise RemoteError(f"order is {fields!r}; valid: an object with the entries of an order")
+            raise RemoteError(f"order is {shown(fields)}; valid: an object with the entries of an order")
         return self._simulation.remote.order(fields)
 
     def _cancel(self, client: BridgeClient, header: Header) -> None:
@@ -224,7 +224,9 @@ class Bridge:
         return name
 
     def _require_own(self, client: BridgeClient, robot: str) -> None:
-        if self._owners.get(robot, client) is not client:
+        hands, number = self._robots[robot]
+        # The run takes back what dies: then it is nobody's.
+        if self._owners.get(robot, client) is not client and number in hands.taken:
             raise RemoteError(f"{robot} is in the hands of another client; valid: a robot that nobody has")
 
     def _own(self, client: BridgeClient, robot: str) -> None:

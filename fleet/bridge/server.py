@@ -8,7 +8,7 @@ from collections import deque
 from types import TracebackType
 from typing import NamedTuple, Self
 
-from fleet.bridge.wire import BadFrame, encoded, taken
+from fleet.bridge.wire import MOST_BYTES, BadFrame, encoded, taken
 from fleet.errors import FleetError
 
 SLOW_BYTES = 1 << 19
@@ -79,9 +79,13 @@ class BridgeClient:
     def heard(self) -> list[dict[str, object]]:
         """What it has said since the last call; one that speaks nonsense is told so, and sent away."""
         try:
-            while chunk := self._link.recv(_READ_BYTES):
+            # More than a frame is left for the next time: the run waits for nobody who talks without a pause.
+            while len(self._unread) <= MOST_BYTES:
+                chunk = self._link.recv(_READ_BYTES)
+                if not chunk:
+                    self.open = False
+                    break
                 self._unread += chunk
-            self.open = False
         except BlockingIOError:
             pass
         except OSError:

@@ -11,11 +11,21 @@ from fleet.run.events import Event
 from fleet.run.view import RunView
 from fleet.sensors.lidar import Lidar, LidarRing
 from fleet.sensors.station_camera import station_camera
+from fleet.world.scene import Scene
 
 SCAN_S = 0.1
 """Simulated time between two scans [s]."""
 SCAN_KEY = 98
 """Branch of the seed's tree that the noise of scans is drawn from."""
+
+
+def require_bridged(scene: Scene) -> None:
+    """Refuse robots that a client cannot be told of: `hello` has one kind of cars and one of arms.
+
+    Raises:
+        ConfigError: There are none, or more.
+    """
+    _ = scene.car, scene.arms.only("--bridge")
 
 
 class Telling:

@@ -64,7 +64,7 @@ class Diff:
             console.print(figures_table(found.figures, whole=not self.all))
             n_left = sum(pair.name.startswith(_PARTS) for pair in found.figures)
             if n_left and not self.all:
-                console.print(f"{n_left} figures of stations and bounds differ, too (--all)")
+                console.print(f"figures of stations and bounds that differ, too: {n_left} (--all)")
         if not self.no_record and not found.same:
             recordings = [run.directory / RECORDING for run in (a, b)]
             missing = next((path for path in recordings if not path.is_file()), None)

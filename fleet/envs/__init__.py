@@ -13,14 +13,15 @@ from pettingzoo import register
 if TYPE_CHECKING:  # heavy, and not everybody wants many environments
     from fleet.envs.vector.vec_env import VecEnv
 
-ENVIRONMENTS = {
-    "warehouse_v1": 1200,
+ENVIRONMENTS: dict[str, int | None] = {
+    "warehouse_v1": None,
     "dispatch_v1": 240,
     "traffic_v1": 500,
     "navigate_v1": 600,
     "handover_v0": 600,
 }
-"""Longest episode of each environment, by module, which has its `parallel_env` and its `env`."""
+"""Longest episode of each environment, by module, which has its `parallel_env` and its `env`; None = as its level has
+it."""
 REPLACED = {"warehouse_v0": 1200, "dispatch_v0": 240, "traffic_v0": 500, "navigate_v0": 600}
 """The same of versions that another one has replaced: to make one is refused, and the message names the new one."""
 

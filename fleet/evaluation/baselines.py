@@ -7,7 +7,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from fleet.evaluation.comparison import Finding, findings
 from fleet.evaluation.scenarios import SCENARIOS, SPLITS, Scenario
 from fleet.evaluation.scores import SplitScores
-from fleet.training.intervals import Interval
 
 
 def headings(scenario: Scenario) -> list[str]:
@@ -18,10 +17,10 @@ def headings(scenario: Scenario) -> list[str]:
 
 def row(finding: Finding) -> list[str]:
     """What a policy came to, as a row below `headings`."""
-    gain = "" if finding.gain is None else _words(finding.gain, finding.n_episodes)
+    gain = "" if finding.gain is None else finding.gain.of(finding.n_episodes)
     if finding.gain is not None and finding.gain_share is not None:
         gain += f", {100.0 * finding.gain_share:+.1f} %"
-    figures = [_words(found, finding.n_episodes) for found in finding.figures.values()]
+    figures = [found.of(finding.n_episodes) for found in finding.figures.values()]
     return [finding.split, finding.policy, *figures, gain, f"{finding.decision_ms:.3g}"]
 
 
@@ -49,11 +48,6 @@ def page(scores: Sequence[SplitScores], results: str) -> str:
         if own:
             lines += ["", f"## {name}", "", *_section(scenario, own)]
     return "\n".join(lines) + "\n"
-
-
-def _words(found: Interval, n_episodes: int) -> str:
-    """A mean and its interval, which one episode does not have."""
-    return f"{found.mean:.4g}" + (f" [{found.low:.4g}, {found.high:.4g}]" if n_episodes > 1 else "")
 
 
 def _section(scenario: Scenario, own: Sequence[Finding]) -> Iterator[str]:

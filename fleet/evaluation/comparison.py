@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from fleet.evaluation.measures import Measure
 from fleet.evaluation.scenarios import SCENARIOS, Scenario
 from fleet.evaluation.scores import SplitScores
-from fleet.training.intervals import Interval, bootstrap, share, share_difference
+from fleet.training.intervals import Interval, difference, interval
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,15 +64,13 @@ def _finding(scores: SplitScores, scenario: Scenario, among: Sequence[SplitScore
 
 
 def _interval(values: Sequence[float], measure: Measure) -> Interval:
-    return share(round(sum(values)), len(values)) if measure.is_share else bootstrap(values)
+    return interval(values, is_share=measure.is_share)
 
 
 def _gain(own: Sequence[float], other: Sequence[float], measure: Measure) -> Interval:
     """By how much a figure is better than the reference's, episode by episode."""
     better, worse = (own, other) if measure.more_is_better else (other, own)
-    if measure.is_share:
-        return share_difference(better, worse)
-    return bootstrap([one - base for one, base in zip(better, worse, strict=True)])
+    return difference(better, worse, is_share=measure.is_share)
 
 
 def _reference(scores: SplitScores, scenario: Scenario, among: Sequence[SplitScores]) -> SplitScores | None:

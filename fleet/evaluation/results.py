@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from fleet.config.field_checks import is_number
 from fleet.evaluation.comparison import findings
 from fleet.evaluation.errors import EvaluationError
 from fleet.evaluation.players import Player
@@ -81,7 +82,10 @@ def _read(path: Path) -> list[SplitScores]:
         told = read_json(path)
         if not isinstance(told, dict) or told.get("format") != FORMAT:
             raise ValueError("it holds something else")
-        return [SplitScores(**one) for one in told["scores"]]
+        found = [SplitScores(**one) for one in told["scores"]]
+        if not all(_is_sound(one.figures) for one in found):
+            raise TypeError("figures")
+        return found
     except FileError as reason:  # names the file
         told, _, _ = str(reason).partition("; valid")
         raise EvaluationError(f"{told}; {_VALID}") from reason
@@ -89,6 +93,14 @@ def _read(path: Path) -> list[SplitScores]:
         raise EvaluationError(f"{path}: scores are missing or have other fields; {_VALID}") from reason
     except (OSError, ValueError) as reason:
         raise EvaluationError(f"{path}: {reason}; {_VALID}") from reason
+
+
+def _is_sound(figures: object) -> bool:
+    """Whether figures are numbers by name, as many of each, and some."""
+    if not isinstance(figures, dict) or not figures:
+        return False
+    rows = [row for row in figures.values() if isinstance(row, list) and row and all(map(is_number, row))]
+    return len(rows) == len(figures) and len(set(map(len, rows))) == 1
 
 
 def _lines(found: Sequence[Any]) -> str:

@@ -208,7 +208,8 @@ def lines_of(graph: LaneGraph, cols: int, docks: CellArray, deliveries: IntArray
                 continue
             for way, crosses in ((up, (before < at) & (after >= at)), (down, (before >= at) & (after < at))):
                 lanes = len(np.unique(cells[1][crosses]))
-                lines.append(CrossLine(f"{lanes} lanes {way} between {what} {at - 1} and {at}", lanes, crossings))
+                where = f"{lanes} lane{'s' if lanes > 1 else ''} {way} between {what} {at - 1} and {at}"
+                lines.append(CrossLine(where, lanes, crossings))
     return lines
 
 

@@ -43,6 +43,7 @@ cannot get out; sooner or later each of them is the first, and the knot comes lo
 _SHUT_IN = 40
 """Timesteps that a robot spends in a pocket before it counts more than those who are nearer to the way out."""
 _OUT_FIRST = 8.0
+_DEEPEST = 300  # a power of 8 that a float still holds
 """How much more, for each bottleneck between them. Rounds of improvement would otherwise give a robot at the mouth of a
 dead end its way back that had to leave it, since what it gains is more than what the one inside loses; for ever."""
 _UNHURRIED_S = 0.1
@@ -292,7 +293,7 @@ class MultiStepController:
             return self._mover.step(costs.table, wishes, sequence, nodes=nodes, allow_rotation=arena.allow_rotation)
         weight = rank_weights(sequence)
         self._inside = np.where(self._depth[here] > 0, self._inside + 1, 0)
-        weight *= np.where(self._inside > _SHUT_IN, _OUT_FIRST ** self._depth[here], 1.0)
+        weight *= np.where(self._inside > _SHUT_IN, _OUT_FIRST ** np.minimum(self._depth[here], _DEEPEST), 1.0)
         rounds = count()
         return self._mover.step(
             costs,

@@ -33,6 +33,15 @@ _OF_THE_RUN = frozenset(
         "breakdowns",
         "ramp",
         "grants_hold",
+        "breakdowns_per_h",
+        "repair_s",
+        "lost_share",
+        "charge_s",
+        "stream",
+        "floor",
+        "seed",
+        "render_mode",
+        "record_to",
     )
 )
 """Settings of environments that a run has of its own, or that mean nothing in one."""

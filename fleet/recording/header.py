@@ -27,6 +27,8 @@ class DrawnFloor:
     """Centres of the parking cells [m], shape (p, 2)."""
     cell_xy: FloatArray = field(default_factory=lambda: np.empty((0, 2)))
     """Centres of all cells in the order of their ids [m], shape (n_cells, 2)."""
+    cell_m: float = 1.0
+    """Edge of a cell [m]."""
 
 
 @dataclass(frozen=True, kw_only=True)

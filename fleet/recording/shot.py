@@ -95,6 +95,6 @@ def _headless(size: tuple[int, int]) -> Iterator[Viewer]:
 def parse_size(text: str) -> tuple[int, int] | None:
     """Width and height [px] of ``"1600x900"``; None if it says nothing of the kind."""
     width, _, height = text.partition("x")
-    if not (width.isdigit() and height.isdigit() and int(width) and int(height)):
+    if not (width.isdecimal() and height.isdecimal() and int(width) and int(height)):
         return None
     return int(width), int(height)

@@ -15,6 +15,7 @@ from fleet.recording.errors import RecordingError
 from fleet.recording.rerun_stream.coordination import CONGESTION
 from fleet.recording.rerun_stream.scenery import CAMERA, PIXELS_PER_M
 from fleet.recording.rerun_stream.views import EYE, VIEWS
+from fleet.whole_file import draft_of
 
 ROOTS = ("a", "b")
 _MARGIN_M = 0.6
@@ -42,14 +43,17 @@ def write_side_by_side(
         raise RecordingError(f"--out {path}: {error.strerror or error}; valid: a file that can be written") from error
     if any(path.samefile(recording) for recording in recordings):
         raise RecordingError(f"--out {path}: a recording that is compared; valid: another file")
-    rec = rr.RecordingStream("fleet")
-    rec.set_log_time_enabled(False)
-    rec.set_sinks(rr.FileSink(str(path)), default_blueprint=_layout(titles, size_m))
-    rec.send_recording_name(" | ".join(titles))
-    for root, recording in zip(ROOTS, recordings, strict=True):
-        _send(rec, root, recording)
-    rec.flush(timeout_sec=60.0)
-    rec.disconnect()
+    with draft_of(path) as draft:
+        rec = rr.RecordingStream("fleet")
+        rec.set_log_time_enabled(False)
+        rec.set_sinks(rr.FileSink(str(draft)), default_blueprint=_layout(titles, size_m))
+        try:
+            rec.send_recording_name(" | ".join(titles))
+            for root, recording in zip(ROOTS, recordings, strict=True):
+                _send(rec, root, recording)
+            rec.flush(timeout_sec=60.0)
+        finally:
+            rec.disconnect()
 
 
 def _send(rec: rr.RecordingStream, root: str, recording: Path) -> None:

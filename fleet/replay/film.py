@@ -78,8 +78,8 @@ def _shots(run: Simulation, begin_s: float, length_s: float, told: Callable[[flo
 
     go_on(begin_s)
     cars, arms, pods, parcels = [], [], list[FloatArray](), dict[int, list[FloatArray]]()
-    n_samples = round(length_s / SAMPLE_S)
-    for sample in range(n_samples):
+    n_steps = max(1, round(length_s / SAMPLE_S))
+    for sample in range(n_steps + 1):
         go_on(begin_s + sample * SAMPLE_S)
         world = run.world
         cars.append(world.car_poses().copy())
@@ -90,7 +90,7 @@ def _shots(run: Simulation, begin_s: float, length_s: float, told: Callable[[flo
         for seen in parcels.values():
             seen.extend([np.array(AWAY)] * (sample + 1 - len(seen)))
     return Shots(
-        length_s=length_s,
+        length_s=n_steps * SAMPLE_S,
         cars=np.array(cars),
         arms=np.array(arms),
         parcels={parcel: np.array(seen) for parcel, seen in parcels.items()},
@@ -160,8 +160,13 @@ def _parcels(sheet: FloorSheet, shots: Shots) -> list[str]:
     boxes = []
     edge = PARCEL_M * sheet.px_per_m
     for seen in shots.parcels.values():
-        spots = [sheet.spot(x, y) for x, y in seen.tolist()]
-        there = ["1" if x > 0 else "0" for x, _ in seen.tolist()]
+        present = seen[:, 0] > 0
+        # Where it is not there it waits, unseen, where it comes or was last: else it would fly in and out.
+        shown = np.flatnonzero(present)
+        nearest = shown[np.clip(np.searchsorted(shown, np.arange(len(seen)), side="right") - 1, 0, None)]
+        spots = [sheet.spot(x, y) for x, y in seen[nearest].tolist()]
+        # What is told in steps holds from one sample to the next, what moves needs both ends.
+        there = ["1" if here else "0" for here in present[:-1]]
         moves = _values("transform", [f"{x:.1f} {y:.1f}" for x, y in spots], shots.length_s, kind="translate")
         shows = _values("opacity", there, shots.length_s, discrete=True)
         box = f'<rect x="{-edge / 2:.1f}" y="{-edge / 2:.1f}" width="{edge:.1f}" height="{edge:.1f}" fill="{PARCEL}"/>'

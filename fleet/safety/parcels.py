@@ -69,7 +69,7 @@ class ParcelsCheck:
         """
         run = self._run
         if balance := run.inventory.balance():
-            return self._breach(f"{abs(balance)} parcels {'lost' if balance > 0 else 'too many'}", balance=balance)
+            return self._breach(f"parcels {'lost' if balance > 0 else 'too many'}: {abs(balance)}", balance=balance)
         # New parcels come with a new array; what becomes of them is a move of their task.
         if ids is not self._ids or run.board.n_moves != self._n_moves:
             self._ids, self._n_moves = ids, run.board.n_moves

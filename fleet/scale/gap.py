@@ -152,9 +152,9 @@ def safety_sentences(rows: Sequence[GapRow], fidelities: Sequence[str]) -> list[
         slips_m = [row.slip_max_m for row in mine if row.slip_max_m is not None]
         slip = f"worst slip in a grip {1000.0 * max(slips_m):.2f} mm" if slips_m else "slip is not measured"
         said.append(
-            f"{fidelity}: {sum(row.robot_contacts for row in mine)} contacts between robots, "
-            f"{sum(row.static_contacts for row in mine)} with walls and shelves; {slip}; "
-            f"{sum(row.tasks_failed for row in mine)} tasks failed."
+            f"{fidelity}: contacts between robots: {sum(row.robot_contacts for row in mine)}, "
+            f"with walls and shelves: {sum(row.static_contacts for row in mine)}; {slip}; "
+            f"tasks that failed: {sum(row.tasks_failed for row in mine)}."
         )
         if stalled := sum(row.stalled for row in mine):
             said.append(f"{fidelity}: {stalled} run{'s' if stalled > 1 else ''} came to a stand.")

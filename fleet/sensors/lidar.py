@@ -11,6 +11,7 @@ import numpy.typing as npt
 from numba import njit
 
 from fleet.arrays import FloatArray
+from fleet.config.field_checks import is_whole
 from fleet.sensors.errors import SensorError
 
 HEIGHT_M = 0.07
@@ -30,7 +31,7 @@ class Lidar:
     """Standard deviation of a distance [m]; a ray that meets nothing has none."""
 
     def __post_init__(self) -> None:
-        _require(36 <= self.n_rays <= 360, "n_rays", self.n_rays, "an integer from 36 to 360")
+        _require(is_whole(self.n_rays) and 36 <= self.n_rays <= 360, "n_rays", self.n_rays, "an integer from 36 to 360")
         _require(1.0 <= self.range_m <= 100.0, "range_m", self.range_m, "a number from 1 to 100")
         _require(0.0 <= self.noise_m <= 1.0, "noise_m", self.noise_m, "a number from 0 to 1")
 

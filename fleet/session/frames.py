@@ -117,6 +117,7 @@ def open_recorder(
         dock_xy=centres([int(graph.state_cell[station.dock_state]) for station in run.stations]),
         parking_xy=centres(list(site.parking)),
         cell_xy=centres(np.arange(graph.n_cells)),
+        cell_m=site.grid.cell_m,
     )
     header = Header(
         scene=run.scene,

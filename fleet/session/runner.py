@@ -13,6 +13,7 @@ import numpy as np
 
 from fleet.bridge.bridge import Bridge
 from fleet.bridge.server import BridgeServer
+from fleet.bridge.telling import require_bridged
 from fleet.config import RunConfig
 from fleet.errors import BrokenRunError, FleetError
 from fleet.insight.cause_file import CAUSES, LEGEND, CauseWriter
@@ -138,6 +139,8 @@ def run_session(config: RunConfig, session: SessionConfig, make: MakeSimulation 
             require_rerun()
         if session.serve:
             require_free_port(session.port)
+        if session.bridge is not None:
+            require_bridged(simulation.scene)
         # From here on there are files: an interrupt ends the run, and the files are finished.
         interrupted = stack.enter_context(interrupts())
         prepare_output(session.out)

@@ -92,7 +92,6 @@ class Job:
         self._q = np.array([arm.home for arm in self._arms])
         self._grip = np.zeros(len(self._arms), dtype=np.bool_)
         self._tries: Counter[int] = Counter()
-        self._used: list[set[int]] = [set() for _ in layout.places]
         self.tally = Tally(n_objects=len(layout.scene.objects))
 
     def close(self) -> None:

@@ -26,7 +26,16 @@ class Interval:
     high: float
 
     def __str__(self) -> str:
-        return f"{self.mean:.3g} [{self.low:.3g}, {self.high:.3g}]"
+        return f"{self.mean:.4g} [{self.low:.4g}, {self.high:.4g}]"
+
+    def of(self, n: int) -> str:
+        """In words, of so many episodes: one says nothing of the spread."""
+        return str(self) if n > 1 else f"{self.mean:.4g}"
+
+
+def heading(n: int) -> str:
+    """What stands over a table of `Interval.of` so many episodes."""
+    return "one episode" if n == 1 else f"mean of {n} episodes [95 % interval]"
 
 
 def interval(values: Sequence[float], *, is_share: bool = False) -> Interval:
@@ -34,10 +43,10 @@ def interval(values: Sequence[float], *, is_share: bool = False) -> Interval:
 
     Args:
         values: One per episode.
-        is_share: All are 0 or 1 by what they mean: Wilson's interval, else the bootstrap's. Counts that happen to be
-            0 or 1 in few episodes are no share.
+        is_share: By what they mean, all are 0 or some weight: Wilson's interval of the share that is not 0, else the
+            bootstrap's. Counts that happen to be 0 or 1 in few episodes are no share.
     """
-    return share(round(sum(values)), len(values)) if is_share else bootstrap(values)
+    return share(int(np.count_nonzero(values)), len(values)) if is_share else bootstrap(values)
 
 
 def difference(values: Sequence[float], reference: Sequence[float], *, is_share: bool = False) -> Interval:
@@ -89,13 +98,13 @@ def share_difference(values: Sequence[float], reference: Sequence[float]) -> Int
     """Difference of two shares of successes on the same trials.
 
     Args:
-        values: 0 or 1 in each trial.
+        values: Of each trial, 0 = it failed.
         reference: The same of the other, in the same order.
 
     Source: R. G. Newcombe, "Improved confidence intervals for the difference between binomial proportions based on
     paired data", Statistics in Medicine 17, 1998, method 10: Wilson's intervals, correlated as the trials are.
     """
-    ours, theirs = np.asarray(values) == 1.0, np.asarray(reference) == 1.0
+    ours, theirs = np.asarray(values) != 0.0, np.asarray(reference) != 0.0
     n = len(ours)
     one, other = share(int(ours.sum()), n), share(int(theirs.sum()), n)
     both, none = int((ours & theirs).sum()), int((~ours & ~theirs).sum())

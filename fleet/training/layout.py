@@ -38,7 +38,7 @@ class RowLayout:
     """Whether none is chosen only where no thing is on offer: to wait costs nothing at once, which is easily mistaken
     for good."""
     unseen: tuple[int, ...] = ()
-    """Numbers that a policy is not shown: to it they are what they are on average."""
+    """Numbers that a policy is not shown: to it they are 0, where numbers are normalised what they are on average."""
 
     def sized(self, name: str, n_observed: int, action: Box | Discrete) -> RowLayout:
         """The same with all sizes known.

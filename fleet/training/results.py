@@ -99,7 +99,7 @@ def findings(
     Args:
         scores: By policy, on the same episodes.
         figures: Names of those that are wanted; the return is among them always.
-        shares: Those of them that are 0 or 1 in every episode, as `Recipe.shares`.
+        shares: Those of them that are shares of episodes, as `Recipe.shares`.
 
     Returns:
         `episodes`; `policies` and `gain`: by policy and figure, the interval; `per_agent_minute`: by policy and figure,
@@ -134,5 +134,12 @@ def _lines(rows: Sequence[Mapping[str, float]], *, head: bool) -> str:
     text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")
     table.writerows([rows[0]] if head else [])
-    table.writerows(["" if math.isnan(value) else f"{value:.6g}" for value in row.values()] for row in rows)
+    table.writerows(map(_entry, row.values()) for row in rows)
     return text.getvalue()
+
+
+def _entry(value: float) -> str:
+    """A number of the table of progress: whole ones, such as steps, with all their digits."""
+    if math.isnan(value):
+        return ""
+    return str(int(value)) if float(value).is_integer() else f"{value:.6g}"

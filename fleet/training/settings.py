@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from fleet.config import require
+from fleet.config.field_checks import is_number
 from fleet.training.errors import TrainingError
 from maps.reading.shown import named, shown
 from maps.reading.text_file import FileError, parse_toml, read_text
@@ -97,15 +97,15 @@ class PpoConfig:
         require(self.clone_n >= 0, "ppo.clone_n", self.clone_n, "an integer >= 0")
         for name in ("learning_rate", "clip", "max_grad_norm"):
             value = getattr(self, name)
-            require(math.isfinite(value) and value > 0, f"ppo.{name}", value, "a number > 0")
+            require(is_number(value) and value > 0, f"ppo.{name}", value, "a number > 0")
         for name in ("discount", "gae", "clone_own"):
             require(0.0 <= getattr(self, name) <= 1.0, f"ppo.{name}", getattr(self, name), "a number from 0 to 1")
         for name in ("entropy", "value", "learning_rate_end", "divergence", "anchor"):
             value = getattr(self, name)
-            require(math.isfinite(value) and value >= 0, f"ppo.{name}", value, "a number >= 0")
+            require(is_number(value) and value >= 0, f"ppo.{name}", value, "a number >= 0")
         value = self.clone_temperature
         valid = f"0, or a number from {COLDEST:g}"
-        require(value == 0 or (math.isfinite(value) and value >= COLDEST), "ppo.clone_temperature", value, valid)
+        require(value == 0 or (is_number(value) and value >= COLDEST), "ppo.clone_temperature", value, valid)
         soft_ok = self.clone_all or not self.clone_n or not self.clone_temperature
         require(soft_ok, "ppo.clone_temperature", self.clone_temperature, "0, or more with clone_all")
         require(-20.0 <= self.log_std <= 2.0, "ppo.log_std", self.log_std, "a number from -20 to 2")

@@ -91,6 +91,10 @@ class PlanarParcels:
         Raises:
             ParcelError: The id is in use.
         """
+        self._drop(self._insert(body), car_poses)
+
+    def _insert(self, body: ParcelBody) -> int:
+        """List a parcel at the pose it is given; returns its row."""
         row = int(np.searchsorted(self.ids, body.parcel))
         if row < len(self.ids) and self.ids[row] == body.parcel:
             raise ParcelError(f"parcel {body.parcel} is in the world already; valid: an id not in use")
@@ -100,7 +104,7 @@ class PlanarParcels:
         self._support = np.insert(self._support, row, Support.GROUND)
         self._carrier = np.insert(self._carrier, row, -1)
         self._local = np.insert(self._local, row, body.pose, axis=0)
-        self._drop(row, car_poses)
+        return row
 
     def load_on(self, body: ParcelBody, car: int, car_pose: FloatArray) -> None:
         """Put a parcel on a car's tray just as it lies there; it keeps its pose relative to the car.
@@ -113,9 +117,7 @@ class PlanarParcels:
         Raises:
             ParcelError: The id is in use.
         """
-        self.add(body, np.empty((0, 3)))
-        row = int(np.searchsorted(self.ids, body.parcel))
-        self.poses[row] = body.pose
+        row = self._insert(body)
         self._support[row], self._carrier[row] = Support.TRAY, car
         back = Rotation.from_euler("z", -car_pose[2])
         self._local[row, :3] = back.apply(body.pose[:3] - (car_pose[0], car_pose[1], 0.0))

@@ -139,6 +139,10 @@ class Surroundings:
         self._pods = {_POD_KEY + pod: (*poses[pod, :2].tolist(), length_m, width_m) for pod in stand}
         self._sort_boxes()
 
+    def forget_pods(self) -> None:
+        """Take note of all pods anew next time: they are where they were before."""
+        self._carried_by = np.empty(0, dtype=np.int64)
+
     def observe(
         self, car_poses: FloatArray, held: FloatArray, known: Callable[[int], bool] | None = None
     ) -> frozenset[int]:
@@ -150,15 +154,16 @@ class Surroundings:
             known: Whether somebody else looks after what touches, by its code; None = nobody does.
 
         Returns:
-            Codes of the touches that last, as `robots_of` reads them.
+            Codes of the touches that last and that nobody else looks after, as `robots_of` reads them.
         """
         self._touches.look(car_poses, held, self._boxes)
         codes = self._touches.codes
         if self._pods and len(codes):
             codes = codes[~self._below_pods(codes)]
         if len(codes) or self._touching:
-            now = frozenset(code for code in codes.tolist() if known is None or not known(code))
-            new = now - self._touching
+            # What somebody else looks after is kept in mind: it is no new touch where it goes on without him.
+            now = frozenset(codes.tolist())
+            new = [code for code in now - self._touching if known is None or not known(code)]
             static = sum(code >> KIND_SHIFT == STATIC for code in new)
             self.n_robot_contacts += len(new) - static
             self.n_static_contacts += static
@@ -167,7 +172,7 @@ class Surroundings:
                 self.of_cars[cars] += 1
                 self.of_arms[arms] += 1
             self._touching = now
-        return self._touching
+        return self._touching if known is None else frozenset(code for code in self._touching if not known(code))
 
     def _below_pods(self, codes: IntArray) -> BoolArray:
         """Whether touches are of cars that may stand below the pods that they touch, shape of `codes`."""

@@ -5,8 +5,10 @@ The instances of CSDO have the same form, a radius for each obstacle, and a yaw 
 
 from __future__ import annotations
 
+import json
 import math
 import os
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -26,6 +28,7 @@ OBSTACLE_RADIUS_M = 0.8
 EXTRA = "pip install '.[open-floor]'"
 _VALID = "an instance of CL-CBS with agents and map"
 _FURTHEST_M = 100_000.0
+_PLAIN = re.compile(r"[A-Za-z0-9_]+")
 
 
 class ClcbsError(MapsError):
@@ -73,12 +76,16 @@ def read_car_instance(path: str | os.PathLike[str], *, clockwise: bool = True) -
     size = _numbers(floor.get("dimensions"), f"{where}: map.dimensions", (2,))
     if min(size) <= 0:
         raise ClcbsError(f"{where}: map.dimensions is {shown(size)}; valid: two lengths > 0")
-    starts, goals, names = [], [], []
+    starts, goals = [], []
+    names: list[str] = []
     for number, agent in enumerate(agents):
         at = f"{where}: agents[{number}]"
         if not isinstance(agent, dict):
             raise ClcbsError(f"{at} is {shown(agent)}; valid: name, start and goal")
-        names.append(str(agent.get("name", f"agent{number}")))
+        name = str(agent.get("name", f"agent{number}"))
+        if name in names:
+            raise ClcbsError(f"{at}.name is {shown(name)}, as of agents[{names.index(name)}]; valid: a name of its own")
+        names.append(name)
         starts.append(_numbers(agent.get("start"), f"{at}.start", (3,)))
         goals.append(_numbers(agent.get("goal"), f"{at}.goal", (3,)))
     obstacles = floor.get("obstacles") or []
@@ -118,7 +125,8 @@ def write_schedule(
     """
     lines = ["statistics:", f"  makespan: {poses.shape[1] - 1}", "schedule:"]
     for name, way in zip(names, poses.tolist(), strict=True):
-        lines.append(f"  {name}:")
+        # Plain where that is enough, as CL-CBS writes it.
+        lines.append(f"  {name if _PLAIN.fullmatch(name) else json.dumps(name, ensure_ascii=False)}:")
         for t, (x, y, yaw) in enumerate(way):
             turned = math.remainder(-yaw if clockwise else yaw, 2 * math.pi)
             lines += [f"    - x: {x:.6f}", f"      y: {y:.6f}", f"      yaw: {turned:.6f}", f"      t: {t}"]
@@ -152,7 +160,7 @@ def _numbers(value: object, where: str, lengths: tuple[int, ...]) -> list[float]
     if not isinstance(value, list) or len(value) not in lengths:
         raise ClcbsError(f"{where} is {shown(value)}; valid: {valid}")
     for number in value:
-        sound = isinstance(number, int | float) and not isinstance(number, bool) and math.isfinite(number)
-        if not sound or abs(number) > _FURTHEST_M:
+        sound = isinstance(number, int | float) and not isinstance(number, bool)
+        if not sound or not abs(number) <= _FURTHEST_M:
             raise ClcbsError(f"{where} is {shown(value)}; valid: {valid}")
     return [float(number) for number in value]

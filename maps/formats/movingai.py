@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -27,6 +28,7 @@ _STATION_SPACING = 4
 """Smallest distance between two docks [cells], so that a queue at one does not reach the other at once."""
 _ATTEMPTS = 20
 _MAP_HEADER = 4
+_COUNT = re.compile(r"[0-9]{1,9}")
 _SCENARIO_FIELDS = (
     "bucket",
     "map",
@@ -407,7 +409,7 @@ def _read_chars(path: str | os.PathLike[str]) -> npt.NDArray[np.str_]:
         )
     for number in (2, 3):
         key, _, value = lines[number - 1].partition(" ")
-        if key not in ("height", "width") or not value.strip().isdigit() or int(value) < 1:
+        if key not in ("height", "width") or not _COUNT.fullmatch(value.strip()) or int(value) < 1:
             raise MovingAiError(
                 f"{path}: line {number} is {shown(lines[number - 1])}; valid: 'height' or 'width' and a number"
             )

@@ -86,7 +86,11 @@ def read_floors(path: str | os.PathLike[str]) -> dict[str, OpenFloor]:
             match = _NAME.fullmatch(line)
             if match is None:
                 raise PogemaError(f"{path}: line {number} is {shown(line)}; valid: a name followed by ': |-'")
-            rows = drawn.setdefault(match["name"], [])
+            if match["name"] in drawn:
+                raise PogemaError(
+                    f"{path}: line {number}: {match['name']} again; valid: a name of its own for each map"
+                )
+            rows = drawn[match["name"]] = []
             continue
         row = line.strip()
         if not drawn:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import networkx as nx
 import numpy as np
@@ -142,12 +143,13 @@ def _drawn(layout: FloorLayout, radius_m: float, spacing_m: float, where: str) -
 
 def _centre(edge: LayoutEdge, start: LayoutNode, end: LayoutNode, where: str) -> LaneLine:
     ends = (start.x, start.y), (end.x, end.y)
-    if math.dist(*ends) < _SHORTEST_M and not edge.curve:
+    drawn = edge.curve or (ends,)
+    if sum(math.dist(*pair) for piece in drawn for pair in pairwise(piece)) < _SHORTEST_M:
         raise LayoutError(
             f"{where}: edge {edge.name!r} leads from {edge.start!r} to {edge.end!r} at the same place; valid: edges of "
             f"at least {_SHORTEST_M:g} m"
         )
-    line = line_of_curve(edge.curve or (ends,))
+    line = line_of_curve(drawn)
     for what, node, at in (("begins", start, line.points[0]), ("ends", end, line.points[-1])):
         off_m = math.dist((node.x, node.y), at[:2].tolist())
         if off_m > _OFF_NODE_M:

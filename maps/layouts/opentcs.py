@@ -80,8 +80,8 @@ class _Scale(FormatFields):
 
 class _Location(FormatFields):
     name: str
-    positionX: float
-    positionY: float
+    positionX: float = Field(allow_inf_nan=False)
+    positionY: float = Field(allow_inf_nan=False)
     type: str
 
 
@@ -260,7 +260,7 @@ def _station(location: _Location, use: Use, point: str, known: dict[str, str], w
     values: dict[str, float | None] = {}
     for key in (_YAW, _HEIGHT):
         try:
-            values[key] = float(known[key]) if key in known else None
+            values[key] = _finite(known[key]) if key in known else None
         except ValueError as error:
             raise LayoutError(f"{where}: property {key} is {shown(known[key])}; valid: a number") from error
     yaw = values[_YAW]
@@ -284,6 +284,14 @@ def _use_of(operations: list[str], number: int) -> Use | None:
     if picks or drops:
         return "pick" if picks else "drop"
     return "charger" if any("charg" in word for word in words) else None
+
+
+def _finite(text: str) -> float:
+    """A number; raises ValueError if it is none, or not finite."""
+    number = float(text)
+    if not math.isfinite(number):
+        raise ValueError(text)
+    return number
 
 
 def _metres(value: float, name: str, element: ElementTree.Element, where: str) -> float:

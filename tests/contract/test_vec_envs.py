@@ -327,3 +327,12 @@ def test_slots_without_masks(keep: Callable[[Any], Any]) -> None:
     slots.step(slots.action_space.sample())
     infos = slots.step(slots.action_space.sample())[4]
     assert slots.single_observation_space.contains(infos["final_obs"][3])
+
+
+@pytest.mark.parametrize("n_threads", [1, 2])
+def test_what_is_closed_does_not_begin_again(n_threads: int) -> None:
+    vec = make_vec("dispatch", 2, n_threads=n_threads, site="small", n_cars=2)
+    vec.reset(0)
+    vec.close()
+    with pytest.raises(EpisodeError, match="closed"):
+        vec.reset(0)

@@ -427,3 +427,32 @@ def test_with_a_camera_all_see_dictionaries(make: Callable[..., WarehouseEnv]) -
     assert set(observations["car_0"]) == {"row", "image"}
     assert set(observations["arm_0"]) == {"row"}
     assert all(env.observation_space(agent).contains(seen) for agent, seen in observations.items())
+
+
+def test_states_of_teams_that_differ_in_size_are_loaded_whatever_team_plays_now() -> None:
+    """One that was saved with three cars was refused while two played."""
+    env = warehouse_v1.parallel_env(site="small", n_cars=(1, 3), fidelity="kinematic", max_cycles=20)
+    seeds: dict[int, int] = {}
+    for seed in range(30):
+        env.reset(seed=seed)
+        seeds.setdefault(sum(agent.startswith("car") for agent in env.agents), seed)
+    assert set(seeds) == {1, 2, 3}
+    env.reset(seed=seeds[3])
+    env.step({})
+    state, agents = env.save_state(), list(env.agents)
+    env.reset(seed=seeds[1])
+    env.load_state(state)
+    assert env.agents == agents
+    other = warehouse_v1.parallel_env(site="small", n_cars=(1, 3), fidelity="kinematic", max_cycles=20)
+    other.load_state(state)
+    assert other.agents == agents
+    env.close()
+    other.close()
+
+
+def test_pettingzoo_makes_a_level_as_long_as_it_is() -> None:
+    import pettingzoo
+
+    env = pettingzoo.make("parallel", "fleet/warehouse-v1", level="dock")
+    assert env.max_cycles == warehouse_v1.parallel_env(level="dock").max_cycles == 300
+    env.close()

@@ -44,7 +44,7 @@ def test_physics_is_the_reference_and_tells_slip(tmp_path: Path, capsys: pytest.
     words = "small --robots 2 --seeds 1 --duration 60 --fidelities kinematic,physics"
     called("gap", *words.split(), "--out", str(tmp_path))
     said = capsys.readouterr().out
-    assert "physics: 0 contacts between robots, 0 with walls and shelves; worst slip in a grip" in said
+    assert "physics: contacts between robots: 0, with walls and shelves: 0; worst slip in a grip" in said
     whole = json.loads((tmp_path / "gap.json").read_text())
     assert {gap["fidelity"] for gap in whole["gaps"]} == {"kinematic"}
     # Both have the same way to the same dock: a fraction of a second apart.

@@ -130,15 +130,14 @@ def _show(console: Console, results: ResultsFile, turns: Sequence[Turn]) -> None
     from fleet.evaluation.comparison import findings
     from fleet.evaluation.scenarios import SCENARIOS
     from fleet.recording import commit
+    from fleet.training.intervals import heading
 
     name = turns[0].scenario
     wanted = {(turn.split, turn.player.name) for turn in turns}
     scores = [one for one in results.scores if one.scenario == name and (one.split, one.policy) in wanted]
-    n_episodes = scores[0].n_episodes
-    whole = "one episode" if n_episodes == 1 else f"mean of {n_episodes} episodes [95 % interval]"
-    table = Table(title=f"{name}: {whole}")
-    for number, heading in enumerate(headings(SCENARIOS[name])):
-        table.add_column(heading, justify="left" if number < 2 else "right")
+    table = Table(title=f"{name}: {heading(scores[0].n_episodes)}")
+    for number, column in enumerate(headings(SCENARIOS[name])):
+        table.add_column(column, justify="left" if number < 2 else "right")
     found = {(one.split, one.policy): one for one in findings(scores)}
     for turn in turns:
         table.add_row(*row(found[turn.split, turn.player.name]))

@@ -180,19 +180,16 @@ class Play:
     def _tell_episodes(self, run: LearnedRun, scores: Mapping[str, Sequence[Score]], total: int) -> int:
         """Print what episodes came to; returns the exit status."""
         from fleet.play.episodes import recordings
-        from fleet.training.intervals import interval
+        from fleet.training.intervals import heading, interval
         from fleet.training.recipes import RECIPES
         from fleet.training.results import EPISODES
 
         def told(figure: str, played: Sequence[Score]) -> str:
             values = [score[figure] for score in played]
-            if len(values) == 1:  # says nothing of the spread
-                return f"{values[0]:.3g}"
-            return str(interval(values, is_share=figure in RECIPES[run.recipe].shares))
+            return interval(values, is_share=figure in RECIPES[run.recipe].shares).of(len(values))
 
         n_whole, n_played = len(scores[PLAYED]), sum(map(len, scores.values()))
-        whole = "one episode" if n_whole == 1 else f"mean of {n_whole} episodes [95 % interval]"
-        table = Table(title=f"{run.environment}: {whole}")
+        table = Table(title=f"{run.environment}: {heading(n_whole)}")
         table.add_column("figure")
         for name, played in scores.items():
             table.add_column(name if len(played) == n_whole else f"{name}, {len(played)} of them", justify="right")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import importlib.util
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -19,6 +19,7 @@ from fleet.config import require
 from fleet.terminal.interrupts import interrupts
 from fleet.terminal.progress_bar import Bar
 from fleet.training.errors import TrainingError
+from fleet.training.intervals import Interval, heading
 from fleet.training.recipes import RECIPES
 
 if TYPE_CHECKING:
@@ -110,7 +111,7 @@ class Train:
         prepare_folder(self.out, resume=self.resume)
         write_config(self.out, config, recipe.stages)
         write_progress(self.out, trainer.rows)
-        curves = _tensorboard(self.out, trainer.rows)
+        curves, end_curves = _tensorboard(self.out, trainer.rows)
         try:
             with interrupts() as interrupted, Bar(config.steps_n, "steps", shown=True) as bar:
 
@@ -128,6 +129,7 @@ class Train:
                 complete = trainer.run(progress, interrupted)
         finally:
             trainer.close()
+            end_curves()
         console = plain_console(columns=PLAIN_WIDTH)
         if not complete:
             since = (
@@ -171,12 +173,14 @@ class Train:
         return DONE
 
 
-def _tensorboard(folder: Path, before: list[dict[str, float]]) -> Any:
-    """What writes a row of figures for TensorBoard; does nothing where it is not installed."""
+def _tensorboard(
+    folder: Path, before: list[dict[str, float]]
+) -> tuple[Callable[[Mapping[str, float]], None], Callable[[], None]]:
+    """What writes a row of figures for TensorBoard, and what ends it; nothing is done where it is not installed."""
     try:
         from torch.utils.tensorboard import SummaryWriter
     except ImportError:
-        return lambda row: None
+        return lambda row: None, lambda: None
     writer = SummaryWriter(str(folder / "tensorboard"), purge_step=int(before[-1]["steps"]) + 1 if before else None)
 
     def write(row: Mapping[str, float]) -> None:
@@ -184,21 +188,18 @@ def _tensorboard(folder: Path, before: list[dict[str, float]]) -> Any:
             if name not in ("update", "steps") and not math.isnan(value):
                 writer.add_scalar(name, value, int(row["steps"]))
 
-    return write
+    return write, writer.close
 
 
 def _table(config: TrainConfig, recipe: Recipe, found: Mapping[str, Any]) -> Table:
-    table = Table(title=f"{config.env}, seed {config.seed}: mean of {found['episodes']} episodes [95 % interval]")
+    n_episodes = found["episodes"]
+    table = Table(title=f"{config.env}, seed {config.seed}: {heading(n_episodes)}")
     table.add_column("policy")
     names = (*recipe.figures, *recipe.at_end, "return")
     for name in names:
         table.add_column(name, justify="right")
     for policy, figures in found["policies"].items():
-        table.add_row(policy, *(_words(figures[name]) for name in names))
+        table.add_row(policy, *(Interval(**figures[name]).of(n_episodes) for name in names))
     for policy, figures in found["gain"].items():
-        table.add_row(f"learned - {policy}", *(_words(figures[name]) for name in names))
+        table.add_row(f"learned - {policy}", *(Interval(**figures[name]).of(n_episodes) for name in names))
     return table
-
-
-def _words(found: Mapping[str, float]) -> str:
-    return f"{found['mean']:.4g} [{found['low']:.4g}, {found['high']:.4g}]"

@@ -12,7 +12,7 @@ import tyro
 from fleet.cli.recordings.run_recording import run_of
 from fleet.cli.run_output import plain_console
 from fleet.config import require
-from fleet.outputs import require_other
+from fleet.outputs import require_file
 
 MOST_HZ = 1000.0
 
@@ -37,7 +37,7 @@ class Export:
 
         require(0.0 < self.rate_hz <= MOST_HZ, "--rate-hz", self.rate_hz, f"a number > 0, at most {MOST_HZ:g}")
         folder = run_of(self.folder)
-        require_other("--mcap", self.mcap, *(folder / name for name in RUN_FILES))
+        require_file("--mcap", self.mcap, *(folder / name for name in RUN_FILES))
         recorded = load_recorded(folder)
         n_ticks = recorded.run.trace.n_ticks
         with Bar(n_ticks, "ticks", shown=sys.stdout.isatty()) as bar:

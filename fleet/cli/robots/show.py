@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
 from typing import Annotated
 
@@ -13,6 +14,7 @@ from fleet.cli.arguments import require_with
 from fleet.cli.run_output import PLAIN_WIDTH, plain_console
 from fleet.config import require
 from fleet.outputs import require_folder
+from fleet.whole_file import write_whole
 
 DONE, FAILED = 0, 1
 MOST_PUSH_MPS = 3.0
@@ -73,6 +75,8 @@ class RobotShow:
         console.print(done)
         self.out.mkdir(parents=True, exist_ok=True)
         path = self.out / f"{sheet.name}.png"
-        Image.fromarray(shown.picture).save(path)
+        picture = BytesIO()
+        Image.fromarray(shown.picture).save(picture, "png")
+        write_whole(path, picture.getvalue())
         console.print(f"picture: {path}", soft_wrap=True)
         return DONE if shown.ok else FAILED

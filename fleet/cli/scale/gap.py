@@ -92,7 +92,7 @@ class GapCommand:
                 console.print(sentence, soft_wrap=True)
             console.print(f"plot: {self.out / PLOT}.svg", soft_wrap=True)
         if n_open := len(design.configs) - len(rows):
-            console.print(f"interrupted: {n_open} runs are missing")
+            console.print(f"interrupted: {n_open} run{'s are' if n_open > 1 else ' is'} missing")
             return INTERRUPTED
         return DONE
 

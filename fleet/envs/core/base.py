@@ -368,7 +368,7 @@ class FleetEnv(ParallelEnv[str, Any, Any], EzPickle):
             found = f"{len(state.actions)} steps" if isinstance(state.actions, tuple) else shown(state.actions)
             raise StateError(f"load_state: actions are {found}; valid: fewer than max_cycles = {self.max_cycles} steps")
         if state.actions:
-            example = self._resolved({})
+            example = self._example(state.seed)
             wrong = next((k for k, resolved in enumerate(state.actions) if not is_like(resolved, example)), None)
             if wrong is not None:
                 found = shown(state.actions[wrong])
@@ -378,6 +378,11 @@ class FleetEnv(ParallelEnv[str, Any, Any], EzPickle):
         if not known or not agents or list(agents) != [agent for agent in self.possible_agents if agent in agents]:
             raise StateError(f"load_state: agents are {shown(agents)}; valid: of {_listed(self.possible_agents)}")
         _generator(state.series)
+
+    def _example(self, seed: int) -> Any:
+        """Actions as they are kept, of the team that a seed begins an episode with."""
+        del seed
+        return self._resolved({})
 
     def _show(self) -> None:
         if self.render_mode in ("human", "rerun"):

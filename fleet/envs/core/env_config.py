@@ -68,6 +68,8 @@ class EnvConfig(ABC):
         return cls(**settings)
 
     def __post_init__(self) -> None:
+        if isinstance(self.site, Path):  # as files and runs have it
+            object.__setattr__(self, "site", str(self.site))
         require_weights(self.weights, self.WEIGHTS)
         require(is_whole(self.max_cycles) and self.max_cycles >= 1, "max_cycles", self.max_cycles, "an integer >= 1")
         require_seed(self.seed)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from fleet.config import Fidelity, StreamConfig, require
@@ -23,12 +24,12 @@ class LayerConfig(RecordedEnvConfig):
         SiteError: The site cannot be read.
     """
 
-    site: str | Site = "medium"
+    site: str | Path | Site = "medium"
     """Name of a shipped site, path of a site file, or, with fidelity `grid`, a site."""
     n_cars: int = 8
     """Number of cars."""
     fidelity: str = "grid"
-    """`grid`, `kinematic` or `physics`."""
+    """`grid`, `kinematic`, `mixed` or `physics`."""
     load: float = 1.5
     """Orders, as a multiple of what the cars could carry if none was ever in the way of another."""
     stream: StreamConfig | Mapping[str, Any] | None = None
@@ -41,7 +42,7 @@ class LayerConfig(RecordedEnvConfig):
         valid = (
             "a name, a path or a Site" if on_grid else "a name or a path; maps.site.save_site writes a file of a Site"
         )
-        site_ok = isinstance(site, str) or (on_grid and isinstance(site, Site))
+        site_ok = isinstance(site, str | Path) or (on_grid and isinstance(site, Site))
         require(site_ok, "site", getattr(site, "name", site), valid)
         n_spots = len(self.place.parking)
         cars_ok = is_whole(self.n_cars) and 1 <= self.n_cars <= n_spots

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import functools
+from pathlib import Path
 
 from fleet.envs.grid.fleet import FleetSite
 from maps.site import Site, load_site, site_names
 
 
-def place_of(site: str | Site) -> FleetSite:
+def place_of(site: str | Path | Site) -> FleetSite:
     """What a fleet needs to know of a site; that of one that ships is worked out once in a process."""
     if isinstance(site, Site):
         return FleetSite.of(site)
-    return _shipped(site) if site in site_names() else FleetSite.of(load_site(site))
+    return _shipped(str(site)) if str(site) in site_names() else FleetSite.of(load_site(site))
 
 
 @functools.lru_cache(maxsize=4)

@@ -200,7 +200,7 @@ def _point(rows: Rows, ways: FloatArray, out: FloatArray) -> None:  # pragma: no
             grip = 1.0
             if not is_over:
                 up = ways[arm, 4] - z if holds else up + _HOVER_M
-                if (holds and up > 0.05) or (not holds and up > 0.05):
+                if up > 0.05:
                     away, turn = 0.0, 0.0
             elif holds and up > -_TOUCH_M:
                 grip = -1.0

@@ -75,7 +75,8 @@ class AgentSlots(VectorEnv[Any, Any, Any]):
         """
         group, n_envs = self._group, self.vec.n_envs
         given = np.asarray(actions)
-        shaped = given.reshape(n_envs, group.n, *given.shape[1:]) if len(given) == self.num_envs else given
+        fits = given.ndim > 0 and len(given) == self.num_envs
+        shaped = given.reshape(n_envs, group.n, *given.shape[1:]) if fits else given
         step = self.vec.step({group.name: shaped})
         infos: dict[str, Any] = {name: array.ravel().copy() for name, array in step.infos[group.name].items()}
         everybody = np.ones(self.num_envs, dtype=np.bool_)

@@ -108,7 +108,7 @@ class VecEnv(ABC):
         self.n_envs = n_envs
         self.groups = agent_groups(single)
         """The types of agents."""
-        self._under_way = False
+        self._under_way = self._is_closed = False
 
     def reset(self, seeds: int | Sequence[int] | None = None) -> VecView:
         """Begin an episode in every environment.
@@ -119,7 +119,10 @@ class VecEnv(ABC):
 
         Raises:
             ConfigError: They are no integers >= 0, or not as many as environments; nothing has changed.
+            EpisodeError: The environments are closed.
         """
+        if self._is_closed:
+            raise EpisodeError("reset: the environments are closed; valid: others, of make_vec")
         if seeds is None:
             wanted: list[int] = []
         elif isinstance(seeds, int | np.integer):
@@ -171,7 +174,7 @@ class VecEnv(ABC):
 
     def close(self) -> None:
         """Free what the environments hold; calling twice is harmless."""
-        self._under_way = False
+        self._under_way, self._is_closed = False, True
         self.single.close()
 
     @abstractmethod

@@ -118,7 +118,7 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -258,10 +258,9 @@ class WarehouseEnv(FleetEnv):
 
     def _begin(self, seed: int) -> Infos:
         config = self.config
-        orders, lidar, start, senses, fate = np.random.SeedSequence(seed).generate_state(5).tolist()
+        orders, lidar, start, senses, fate = _sources(seed)
         rng = np.random.default_rng(start)
-        least, most = config.team_sizes
-        n_cars = int(rng.integers(least, most + 1))
+        n_cars = _n_cars(config, rng)
         self._cars = config.car_names[:n_cars]
         agents, run_config = config.agents(n_cars), config.run_config(n_cars)
         ground = self._ground = self._grounds.open(run_config)
@@ -324,9 +323,16 @@ class WarehouseEnv(FleetEnv):
         return {agent: {**dict.fromkeys(TERMS, 0.0), "illegal": False} for agent in self._team()}
 
     def _resolved(self, actions: Mapping[str, Any]) -> LegalActions:
-        config = self.config
-        joints = [kind.n_joints for kind in config.arm_kinds]
-        return legal_actions(actions, self._cars, self._arms, config.arm_action, joints)
+        return self._legal(actions, self._cars)
+
+    def _example(self, seed: int) -> LegalActions:
+        _, _, start, _, _ = _sources(seed)
+        n_cars = _n_cars(self.config, np.random.default_rng(start))
+        return self._legal({}, self.config.car_names[:n_cars])
+
+    def _legal(self, actions: Mapping[str, Any], cars: Sequence[str]) -> LegalActions:
+        joints = [kind.n_joints for kind in self.config.arm_kinds]
+        return legal_actions(actions, cars, self._arms, self.config.arm_action, joints)
 
     def _advance(self, resolved: LegalActions) -> tuple[dict[str, float], bool, Infos]:
         episode, config = self._now(), self.config
@@ -450,6 +456,17 @@ class WarehouseEnv(FleetEnv):
         if self._recording is not None:
             self._recording.close()
             self._recording = None
+
+
+def _sources(seed: int) -> list[int]:
+    """Seeds of orders, lidars, the start, the senses and the fates of an episode."""
+    return [int(source) for source in np.random.SeedSequence(seed).generate_state(5)]
+
+
+def _n_cars(config: WarehouseConfig, rng: np.random.Generator) -> int:
+    """Cars of an episode, the first that is drawn of its start."""
+    least, most = config.team_sizes
+    return int(rng.integers(least, most + 1))
 
 
 def parallel_env(**settings: Any) -> WarehouseEnv:

@@ -72,14 +72,14 @@ def read_dataset(folder: str | Path, env: str | None = None) -> Dataset:
         if about["format"] != FORMAT:
             raise DatasetError(f"data set {folder}: format {about['format']!r}; {valid}")
         was = about["env"]
+        if env is not None and was != env:
+            raise DatasetError(f"data set {folder} is one of {was}; valid: one of {env}")
         table = pq.read_table(folder / STEPS)
+        table = table.sort_by([("episode", "ascending"), ("agent", "ascending"), ("step", "ascending")])
+        kinds = pc.unique(table["type"]).to_pylist()
+        types = {kind: _transitions(table.filter(pc.equal(table["type"], kind))) for kind in kinds}
     except (OSError, ValueError, KeyError, TypeError, pa.ArrowException) as reason:
         raise DatasetError(f"data set {folder}: {reason}; {valid}") from reason
-    if env is not None and was != env:
-        raise DatasetError(f"data set {folder} is one of {was}; valid: one of {env}")
-    table = table.sort_by([("episode", "ascending"), ("agent", "ascending"), ("step", "ascending")])
-    kinds = pc.unique(table["type"]).to_pylist()
-    types = {kind: _transitions(table.filter(pc.equal(table["type"], kind))) for kind in kinds}
     return Dataset(about=about, types=types)
 
 

@@ -15,11 +15,12 @@ from gymnasium.spaces import Discrete
 
 from fleet.evaluation.dataset.layout import ABOUT, FORMAT, INFO, STEPS
 from fleet.evaluation.episodes import Observations, play_episode
-from fleet.evaluation.errors import DatasetError
+from fleet.evaluation.errors import DatasetError, PolicyError
 from fleet.evaluation.players import Player
 from fleet.evaluation.scenarios import FIRST_SEED, Case, scenario_named
 from fleet.recording import commit, versions
 from fleet.training.batch import type_of, vector
+from maps.reading.shown import shown
 
 
 def write_dataset(
@@ -130,8 +131,7 @@ class _StepWriter:
         for agent, seen in observations.items():
             row = self._seen(agent, seen, self._step)
             if agent in actions:
-                action = actions[agent]
-                row["action"] = int(action) if self._discrete else [float(part) for part in action]
+                row["action"] = self._told(agent, actions[agent])
             row["reward"] = rewards[agent]
             row["terminated"], row["truncated"] = bool(terminations[agent]), bool(truncations[agent])
             row |= {f"{INFO}{key}": float(value) for key, value in infos[agent].items()}
@@ -139,6 +139,14 @@ class _StepWriter:
             if row["terminated"] or row["truncated"]:
                 self._rows.append(self._seen(agent, after[agent], self._step + 1))
         self._step += 1
+
+    def _told(self, agent: str, action: Any) -> int | list[float]:
+        """An action, as the file has it."""
+        try:
+            return int(action) if self._discrete else [float(part) for part in action]
+        except (TypeError, ValueError, OverflowError) as reason:
+            valid = "a whole number" if self._discrete else "a row of numbers"
+            raise PolicyError(f"action of {agent} is {shown(action)}; valid in a data set: {valid}") from reason
 
     def end(self) -> None:
         """The episode has ended: write its rows."""

@@ -25,8 +25,8 @@ WAITS = "world/waits"
 """Who waits for whom and why, in one entity: arrows over the floor, a graph, and a text, each in a view of its own."""
 CONGESTION = "world/congestion"
 PRIORITIES = "planner/priorities"
-_PLATE_M = {GRANTED: 0.47, PLANNED: 0.16}
-"""Half the edge of the plates on cells [m]."""
+_PLATES = {GRANTED: 0.47, PLANNED: 0.16}
+"""Half the edge of the plates on cells, as a share of a cell's."""
 _PLATE_Z = {GRANTED: 0.001, PLANNED: 0.002}
 _ALPHA = {GRANTED: 70, PLANNED: 110}
 _N_ROWS = 7
@@ -59,7 +59,7 @@ class Coordination:
     def __init__(self, rec: rr.RecordingStream, chunks: Chunks, scene: Scene, floor: DrawnFloor) -> None:
         self._rec = rec
         self._chunks = chunks
-        self._cell_xy = floor.cell_xy
+        self._cell_xy, self._cell_m = floor.cell_xy, floor.cell_m
         cars = range(len(scene.car_start))
         self._car_colours = {path: palette.identity_colours(cars, alpha=alpha) for path, alpha in _ALPHA.items()}
         self._fixed_xy = {f"arm_{k}": base[:2] for k, base in enumerate(scene.arm_base)}
@@ -70,7 +70,8 @@ class Coordination:
         self._told = _sentences({})
         self._plates = {path: at_height(floor.cell_xy, z).astype(np.float32) for path, z in _PLATE_Z.items()}
         # A floor without cells has no plates; one without a place would lie in the corner.
-        for path, half_m in _PLATE_M.items() if len(floor.cell_xy) else ():
+        for path, share in _PLATES.items() if len(floor.cell_xy) else ():
+            half_m = share * floor.cell_m
             rec.log(path, rr.Boxes3D.from_fields(half_sizes=[(half_m, half_m, 0.001)], fill_mode="solid"), static=True)
         markdown = rr.TextDocument.from_fields(media_type="text/markdown")
         rec.log(WAITS, rr.Arrows3D.from_fields(radii=0.04), markdown, static=True)
@@ -173,14 +174,17 @@ class Coordination:
                     continue
                 self._causes.add(cause)
                 self._rec.log(f"{CONGESTION}/{cause}", rr.Boxes3D.from_fields(fill_mode="solid"), static=True)
-            centre = self._cell_xy[cells] + np.column_stack([left[cells] + share / 2 - 0.5, np.zeros(len(cells))])
+            ahead = left[cells] + share / 2 - 0.5
+            centre = self._cell_xy[cells] + self._cell_m * np.column_stack([ahead, np.zeros(len(cells))])
             left[cells] += share
             alpha = (60 + 195 * np.minimum(1.0, total[cells] / _FULL_S)).astype(np.uint32)
             self._rec.log(
                 f"{CONGESTION}/{cause}",
                 rr.Boxes3D.from_fields(
                     centers=at_height(centre, 0.003),
-                    half_sizes=np.column_stack([share / 2, np.full((len(cells), 2), (0.5, 0.001))]),
+                    half_sizes=np.column_stack(
+                        [self._cell_m * share / 2, np.full((len(cells), 2), (self._cell_m / 2, 0.001))]
+                    ),
                     colors=(palette.cause_colour(cause) & 0xFFFFFF00) | alpha,
                 ),
             )

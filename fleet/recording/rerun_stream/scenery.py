@@ -62,8 +62,8 @@ def log_scenery(rec: rr.RecordingStream, scene: Scene, floor: DrawnFloor) -> Non
             ),
             static=True,
         )
-    _log_plates(rec, "world/floor/parking", floor.parking_xy, palette.PARKING)
-    _log_plates(rec, "world/floor/docks", floor.dock_xy, palette.DOCK)
+    _log_plates(rec, "world/floor/parking", floor.parking_xy, palette.PARKING, floor.cell_m)
+    _log_plates(rec, "world/floor/docks", floor.dock_xy, palette.DOCK, floor.cell_m)
     if len(floor.lanes):
         rec.log(
             "world/floor/lanes",
@@ -148,14 +148,14 @@ def plate_size_m(spec: CarSpec, n_cars: int) -> tuple[float, float]:
     return spec.front_m + spec.rear_m + 2 * rim, 2 * (spec.half_width_m + rim)
 
 
-def _log_plates(rec: rr.RecordingStream, path: str, xy: np.ndarray, colour: int) -> None:
+def _log_plates(rec: rr.RecordingStream, path: str, xy: np.ndarray, colour: int, cell_m: float) -> None:
     if not len(xy):
         return
     rec.log(
         path,
         rr.Boxes3D(
             centers=at_height(xy, -0.008),
-            half_sizes=[(0.42, 0.42, 0.008)] * len(xy),
+            half_sizes=[(0.42 * cell_m, 0.42 * cell_m, 0.008)] * len(xy),
             colors=_colours([colour] * len(xy)),
             fill_mode="solid",
         ),

@@ -63,7 +63,7 @@ def read_description(path: Path, *, flange: str, n_joints: int) -> ArmDescriptio
     """
     try:
         root = ElementTree.parse(path).getroot()
-    except (OSError, ElementTree.ParseError) as error:
+    except (OSError, ElementTree.ParseError, LookupError, ValueError) as error:
         raise ArmDescriptionError(f"{path}: {error}; valid: a URDF file") from error
     links = {link.get("name", ""): link for link in root.findall("link")}
     if flange not in links:

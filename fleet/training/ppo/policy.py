@@ -33,7 +33,7 @@ class LearnedPolicy:
 
     def __init__(self, learners: Mapping[str, Learner], chance: int | None = None) -> None:
         self._learners = dict(learners)
-        self._generator = None if chance is None else torch.Generator().manual_seed(chance)
+        self._generator = None if chance is None else torch.Generator().manual_seed(chance % 2**63)
 
     def seeded(self, seed: int) -> LearnedPolicy:
         """The same policy; if it draws its actions, from a source of its own with this seed."""

@@ -121,7 +121,7 @@ class Trainer:
             self.rows.append(self._update())
             now = time.process_time()
             self.cpu_s, since = self.cpu_s + now - since, now
-            if self.n_done % self.config.checkpoint_n == 0 or self.n_steps >= self.config.steps_n:
+            if self._is_checkpoint:
                 self._save()
             on_update(self.rows[-1])
         return True
@@ -199,11 +199,16 @@ class Trainer:
                     if ppo.anchor and learner.anchor is None and self._knows_something:
                         learner.keep_anchor()
                     losses = learner.learn(rollouts[name], rate, ppo.anchor * left, generator)
-            if self.n_steps >= ppo.clone_n:
-                learner.forget_teacher()
+            if self.n_steps >= ppo.clone_n and self._is_checkpoint:
+                learner.forget_teacher()  # nobody asks it any more from the checkpoint on
             self._require_finite(name, f"update {self.n_done}")
             row |= {f"{name}_{loss}": value for loss, value in losses.items()}
         return row
+
+    @property
+    def _is_checkpoint(self) -> bool:
+        """Whether a checkpoint follows the last update: there stages and teachers change."""
+        return self.n_done % self.config.checkpoint_n == 0 or self.n_steps >= self.config.steps_n
 
     def _require_finite(self, name: str, when: str) -> None:
         if not self.learners[name].is_finite:

@@ -109,7 +109,7 @@ class Recipe:
     at_end: Mapping[str, Callable[[Any], float]] = field(default_factory=dict)
     """Further figures of the evaluation: each is asked of the environment at the end of an episode."""
     shares: frozenset[str] = frozenset()
-    """Those of the figures that are 0 or 1 in every episode, so that their means are shares of episodes."""
+    """Those of the figures that are 0 or their weight in every episode, so that what is told is a share of episodes."""
     layouts: Mapping[str, RowLayout] = field(default_factory=dict)
     """How observations are made up, by type of agents; a type that is not named has numbers of its own only."""
     arguments: Mapping[str, Any] = field(default_factory=dict)

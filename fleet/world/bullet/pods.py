@@ -154,15 +154,26 @@ class PhysicalPods:
             numbers.extend(lift.motion())
         return numbers
 
-    def memory(self) -> dict[int, _Carriage]:
-        """State beside that of the engine."""
-        return copy.deepcopy(self._carriages)
+    def place(self, state: list[float]) -> None:
+        """Put pods and plates where `state` told them to be."""
+        numbers = np.array(state)
+        of_pods, of_plates = np.split(numbers, [13 * len(self.bodies)])
+        for body, row in zip(self.bodies, of_pods.reshape(-1, 13).tolist(), strict=True):
+            self._client.resetBasePositionAndOrientation(body, row[:3], row[3:7])
+            self._client.resetBaseVelocity(body, row[7:10], row[10:])
+        for lift, motion in zip(self._lifts.values(), of_plates.reshape(-1, 2).tolist(), strict=True):
+            lift.place(*motion)
 
-    def recall(self, memory: dict[int, _Carriage]) -> None:
+    def memory(self) -> tuple[dict[int, _Carriage], list[tuple[int, int]]]:
+        """State beside that of the engine: what is carried, and which cars are near which pods."""
+        return copy.deepcopy(self._carriages), list(self._near)
+
+    def recall(self, memory: tuple[dict[int, _Carriage], list[tuple[int, int]]]) -> None:
         """Return to `memory`."""
         for carriage in self._carriages.values():
             self._let_go(carriage)
-        self._carriages = copy.deepcopy(memory)
+        carriages, near = memory
+        self._carriages, self._near = copy.deepcopy(carriages), list(near)
         for car, carriage in self._carriages.items():
             lift = self._lifts[car]
             (lift.lower if carriage.lowers else lift.raise_)()

@@ -54,6 +54,8 @@ class Snapshot:
     parcels: dict[int, tuple[ParcelBody, FloatArray]]
     """Every parcel with position, orientation and velocities, shape (13,)."""
     obstacles: dict[int, tuple[FloatArray, FloatArray]]
+    pods: list[float]
+    """As `PhysicalPods.state` tells them."""
     bodies: tuple[int, ...]
     """How often cars came or went, how many ghosts were made, and the engine's ids of all else that can."""
     settled: bool
@@ -283,6 +285,7 @@ class BulletWorld:
     def put_car(self, car: int, pose: FloatArray) -> None:
         """See `World`."""
         self._cars.put(car, pose)
+        self._near = self._measure()
 
     def ride(self) -> None:
         """Remember how cars stand on their wheels, for `enter_car`; the first one has to stand still."""
@@ -440,6 +443,7 @@ class BulletWorld:
             },
             parcels=parcels,
             obstacles=self._fixed.obstacles(),
+            pods=[] if self.pods is None else self.pods.state(),
             bodies=self._visitors(),
             settled=settle,
         )
@@ -458,8 +462,9 @@ class BulletWorld:
         client.keep_contacts(self._contact_breaking_m)
         for parcel in [p for p in self._parcels.ids() if p not in snapshot.parcels]:
             self.remove_parcel(parcel)
-        for obstacle in [o for o in self._fixed.obstacles() if o not in snapshot.obstacles]:
-            self.remove_obstacle(obstacle)
+        for obstacle, place in self._fixed.obstacles().items():
+            if not np.array_equal(place, snapshot.obstacles.get(obstacle, ())):
+                self.remove_obstacle(obstacle)
         restored = self._visitors() == snapshot.bodies
         if snapshot.settled:
             self._search(on=False)
@@ -562,6 +567,8 @@ class BulletWorld:
             self._parcels.place(parcel, motion)
         self._cars.place(snapshot.cars)
         self._arms.place(snapshot.arms)
+        if self.pods is not None:
+            self.pods.place(snapshot.pods)
 
 
 def _remove_state(client: weakref.ref[Client], state: int) -> None:

@@ -25,6 +25,10 @@ class RegionSnapshot:
 
     world: object
     car_in: IntArray
+    serving: IntArray
+    """Car that each arm serves."""
+    roused: tuple[int, int]
+    """Slot that was roused, and ticks since then."""
     still_s: float
     bodies: dict[int, ParcelBody]
     state: bytes | None
@@ -202,12 +206,11 @@ class Region:
 
     def save(self, *, settle: bool) -> RegionSnapshot:
         """Remember this moment."""
-        if self._roused >= 0:
-            self.world.set_car_aside(self._roused, aside(self._roused))
-            self._roused = _FREE
         return RegionSnapshot(
             world=self.world.save(settle=settle),
             car_in=self.car_in.copy(),
+            serving=self._serving.copy(),
+            roused=(self._roused, self._roused_for),
             still_s=self._still_s,
             bodies=dict(self.bodies),
             state=self._state,
@@ -217,7 +220,8 @@ class Region:
         """Return to such a moment."""
         self.world.load(snapshot.world)
         self.car_in[:] = snapshot.car_in
-        self._roused = _FREE
+        self._serving[:] = snapshot.serving
+        self._roused, self._roused_for = snapshot.roused
         self._still_s = snapshot.still_s
         self.bodies = dict(snapshot.bodies)
         self._state = snapshot.state

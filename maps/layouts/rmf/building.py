@@ -37,6 +37,7 @@ _VALID = "a building map of Open-RMF, YAML with levels, each with vertices and l
 _PIXELS, _METRES, _DEGREES, _TILES = "reference_image", "cartesian_meters", "wgs84", "web_mercator"
 _SYSTEMS = (_PIXELS, _METRES, _DEGREES, _TILES)
 _N_GRAPHS = 9
+_FURTHEST = 1e9  # pixels, metres or degrees
 _PARALLEL = 0.01
 """Smaller determinants are those of parallel lines [pixels^2]."""
 _TEXT, _INT, _DOUBLE, _BOOL = 1, 2, 3, 4
@@ -237,9 +238,17 @@ def _drawing(content: Any, down: float, where: str) -> _Drawing:
     edges = {key: _read_rows(content, key, where) for key in ("lanes", "doors", "measurements")}
     for key, rows in edges.items():
         for k, row in enumerate(rows):
-            for number in row.ends:
-                if not 0 <= number < len(vertices):
-                    raise LayoutError(f"{where}.{key}[{k}]: vertex {number}; valid: a vertex, 0 to {len(vertices) - 1}")
+            for number in row.numbers:
+                if number != int(number) or not 0 <= number < len(vertices):
+                    valid = f"a vertex, 0 to {len(vertices) - 1}"
+                    raise LayoutError(f"{where}.{key}[{k}]: vertex {number:g}; valid: {valid}")
+    for k, row in enumerate(edges["lanes"]):
+        _check_lane(row, f"{where}.lanes[{k}]")
+    for k, row in enumerate(edges["measurements"]):
+        distance = row.facts.get("distance", 1.0)
+        if isinstance(distance, bool) or not isinstance(distance, int | float) or not 0 < distance <= _FURTHEST:
+            at = f"{where}.measurements[{k}]"
+            raise LayoutError(f"{at}: distance is {shown(distance)}; valid: a length > 0 [m]")
     fiducials = _read_rows(content, "fiducials", where, named=True)
     elevation = content.get("elevation", 0.0)
     return _Drawing(
@@ -249,6 +258,15 @@ def _drawing(content: Any, down: float, where: str) -> _Drawing:
         elevation=float(elevation) if isinstance(elevation, int | float) else 0.0,
         **edges,
     )
+
+
+def _check_lane(row: _Row, where: str) -> None:
+    """Refuse a lane whose parameters say nothing, or that belongs to no graph."""
+    orientation, graph = row.facts.get("orientation", ""), row.facts.get("graph_idx", 0)
+    if not isinstance(orientation, str):
+        raise LayoutError(f"{where}: orientation is {shown(orientation)}; valid: forward, backward or none")
+    if isinstance(graph, bool) or not isinstance(graph, int) or not 0 <= graph < _N_GRAPHS:
+        raise LayoutError(f"{where}: graph_idx is {shown(graph)}; valid: an integer from 0 to {_N_GRAPHS - 1}")
 
 
 def _read_rows(
@@ -262,7 +280,7 @@ def _read_rows(
     for k, row in enumerate(rows):
         n_fixed = n_numbers + named
         numbers = row[:n_numbers] if isinstance(row, list) else []
-        fits = len(numbers) == n_numbers and all(isinstance(n, int | float) and math.isfinite(n) for n in numbers)
+        fits = len(numbers) == n_numbers and all(isinstance(n, int | float) and abs(n) <= _FURTHEST for n in numbers)
         facts = row[n_fixed] if fits and len(row) > n_fixed else {}
         if not fits or (named and len(row) < n_fixed) or not isinstance(facts, dict):
             names = [*("xyz" if named else ("from", "to"))[:n_numbers], *(["name"] if named else [])]
@@ -283,7 +301,7 @@ def _scale(drawing: _Drawing) -> float:
         start, end = (drawing.xy[number] for number in row.ends)
         length = math.dist(start, end)
         distance = row.facts.get("distance")
-        if length > 0 and isinstance(distance, int | float):
+        if length > 0 and distance is not None:
             found.append(distance / length)
     return sum(found) / len(found) if found else 1.0
 
@@ -299,10 +317,14 @@ def _aligned(drawing: _Drawing, reference: _Drawing, scale: float) -> _Frame:
         return _Frame(scale=1.0)
     turns, ratios = [], []
     for (ref_a, a), (ref_b, b) in combinations(pairs, 2):
+        if math.dist(a, b) == 0.0 or math.dist(ref_a, ref_b) == 0.0:
+            continue  # two at one place say nothing of scale and direction
         bearing = math.atan2(b[1] - a[1], b[0] - a[0])
         ref_bearing = math.atan2(ref_b[1] - ref_a[1], ref_b[0] - ref_a[0])
         turns.append(bearing - ref_bearing)
         ratios.append(math.dist(a, b) / math.dist(ref_a, ref_b))
+    if not ratios:
+        return _Frame(scale=1.0)
     yaw = -math.atan2(sum(map(math.sin, turns)), sum(map(math.cos, turns)))
     ratio = sum(ratios) / len(ratios)
     here = _Frame(scale=1.0 / ratio, yaw=yaw)(np.array([own for _, own in pairs]))

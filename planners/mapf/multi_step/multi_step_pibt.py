@@ -121,7 +121,9 @@ class MultiStepPibt:
         deadline = Deadline() if deadline is None else deadline
         table, row = tables.rows(goals_to_look_up(instance, tables))
         reachable = reachable_goals(instance, table, row)
-        left = np.where(reachable, table[row, instance.starts], np.uint16(0)).astype(np.int32)
+        # Who has no goal has no row: row -1 is what the memory of the tables happens to hold.
+        has_way = reachable & (row >= 0)
+        left = np.where(has_way, table[np.maximum(row, 0), instance.starts], np.uint16(0)).astype(np.int32)
         if self._is_stuck(instance, left):
             priorities = np.where(instance.stay, instance.priorities, instance.priorities - _LAST)
             instance = replace(instance, priorities=priorities)

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 
 from maps.lane_graph import LaneGraph
-from planners.mapf.arrays import IntArray
 
 
-def pocket_depth(graph: LaneGraph) -> IntArray:
+def pocket_depth(graph: LaneGraph) -> npt.NDArray[np.int64]:
     """Bottlenecks between each cell and the open floor, shape (n_cells,).
 
     A bottleneck is a cell without which the floor falls apart. The open floor is the largest part that holds together
@@ -21,7 +21,7 @@ def pocket_depth(graph: LaneGraph) -> IntArray:
     blocks = list(nx.biconnected_components(nx.Graph(np.unique(ends[ends[:, 0] != ends[:, 1]], axis=0).tolist())))
     # Blocks, as numbers below zero, and the cells they consist of: a tree for each connected part of the floor.
     tree = nx.Graph((~k, cell) for k, block in enumerate(blocks) for cell in block)
-    depth = np.zeros(graph.n_cells, dtype=np.int32)
+    depth = np.zeros(graph.n_cells, dtype=np.int64)
     for part in list(nx.connected_components(tree)):
         core = max((node for node in part if node < 0), key=lambda node: len(blocks[~node]))
         for node, steps in nx.single_source_shortest_path_length(tree, core).items():

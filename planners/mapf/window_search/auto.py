@@ -53,6 +53,8 @@ class Auto:
         if self.chosen is None or self._graph is not instance.graph or self._n_agents != instance.n_agents:
             self._graph, self._n_agents = instance.graph, instance.n_agents
             n_free = len(np.unique(instance.graph.state_cell))
-            roomy = instance.graph.motion == "pebble" and instance.n_agents <= MOST_ROOM * n_free
+            # Window search knows nothing of when agents come to where they are.
+            timeless = instance.graph.motion == "pebble" and instance.comes is None
+            roomy = timeless and instance.n_agents <= MOST_ROOM * n_free
             self.chosen = WindowSearch(seed=self._rng) if roomy else MultiStepPibt(seed=self._rng)
         return self.chosen.plan(instance, tables, deadline)

@@ -1,3 +1,4 @@
+import dataclasses
 import errno
 import math
 from pathlib import Path
@@ -258,3 +259,10 @@ def test_drawing_tells_rows_columns_and_stations() -> None:
         place = len(str(site.grid.rows - 1)) + 2 + 2 * col
         assert line[place] in "PD"
         assert heading.index("10", 5) == len(str(site.grid.rows - 1)) + 2 + 20
+
+
+def test_a_name_with_any_character_comes_back(tmp_path: Path) -> None:
+    """Those beyond the first 65,536 were written as two halves, which TOML does not have."""
+    site = dataclasses.replace(load_site("cell"), name='Lager \U0001f4e6 \x7f "1"')
+    save_site(site, tmp_path / "lager.toml")
+    assert load_site(tmp_path / "lager.toml").name == site.name

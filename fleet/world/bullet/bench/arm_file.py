@@ -219,7 +219,7 @@ def _without_fromto(path: Path) -> str:
     """
     try:
         tree = ElementTree.parse(path)
-    except ElementTree.ParseError as reason:
+    except (ElementTree.ParseError, LookupError, ValueError) as reason:  # the latter of encodings
         raise ArmFileError(f"{path}: not XML: {reason}") from reason
     for geom in tree.iter("geom"):
         ends = geom.attrib.pop("fromto", None)

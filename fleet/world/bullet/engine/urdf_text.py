@@ -19,6 +19,8 @@ _NUMBERS = {
     "limit": ("lower", "upper", "effort", "velocity"),
 }
 """Attributes of the parts of links and joints that must be numbers."""
+_ROWS = {"xyz": 3, "rpy": 3, "size": 3, "scale": 3}
+"""How many numbers such an attribute has; the others have one."""
 _FAR = 1e4
 """No joint goes farther [rad or m]."""
 
@@ -40,7 +42,7 @@ def urdf_fault(text: str) -> str:
     """
     try:
         root = ElementTree.fromstring(text)
-    except ElementTree.ParseError as reason:
+    except (ElementTree.ParseError, LookupError, ValueError) as reason:  # the latter of encodings
         return f"not XML: {reason}"
     links, joints = root.findall("link"), root.findall("joint")
     return _tree_fault(links, joints) or next((fault for part in (*links, *joints) if (fault := _part_fault(part))), "")
@@ -86,8 +88,10 @@ def _part_fault(part: ElementTree.Element) -> str:
     for element in part.iter():
         for attribute in _NUMBERS.get(element.tag, ()):
             words = element.get(attribute)
-            if words is not None and not _finite(words):
-                return f"{where}: {element.tag} {attribute} {words!r}; valid: finite numbers"
+            n = _ROWS.get(attribute, 1)
+            if words is not None and not _finite(words, n):
+                valid = "a finite number" if n == 1 else f"{n} finite numbers"
+                return f"{where}: {element.tag} {attribute} {words!r}; valid: {valid}"
     if part.tag == "link":
         masses = [float(mass.get("value", "0")) for mass in part.iter("mass")]
         return f"{where}: mass {masses[0]:g}; valid: a number >= 0 [kg]" if masses and masses[0] < 0 else ""
@@ -108,8 +112,10 @@ def _part_fault(part: ElementTree.Element) -> str:
     return ""
 
 
-def _finite(words: str) -> bool:
+def _finite(words: str, n: int) -> bool:
+    """Whether a text is so many finite numbers."""
     try:
-        return all(math.isfinite(float(word)) for word in words.split())
+        numbers = [float(word) for word in words.split()]
+        return len(numbers) == n and all(map(math.isfinite, numbers))
     except ValueError:
         return False

@@ -72,6 +72,10 @@ class Lift:
         self._client.resetJointState(self._body, self.plate, 0.0)
         self.lower()
 
+    def place(self, height_m: float, speed_mps: float) -> None:
+        """Put the plate at a height, in motion."""
+        self._client.resetJointState(self._body, self.plate, height_m, speed_mps)
+
     def hold(self, load: int) -> Hold:
         """Hold a load where it is on the plate."""
         client = self._client

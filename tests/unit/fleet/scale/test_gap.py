@@ -108,7 +108,7 @@ def test_a_reference_of_zero_has_no_share_and_no_runs_no_gaps() -> None:
 
 def test_contacts_and_slip_are_told_of_all_seeds() -> None:
     physics, kinematic = safety_sentences(ROWS, ["physics", "kinematic", "grid"])
-    assert physics.startswith("physics: 2 contacts between robots, 0 with walls")
+    assert physics.startswith("physics: contacts between robots: 2, with walls and shelves: 0")
     assert "2.10 mm" in physics
     assert "slip is not measured" in kinematic
     stands = safety_sentences([replace(ROW, stalled=True)], ["physics"])

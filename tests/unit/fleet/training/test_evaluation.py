@@ -1,11 +1,14 @@
 """Evaluation: policies that play the same seeds, and what is said of them."""
 
+import math
+from pathlib import Path
+
 import pytest
 
 from fleet.envs.policies.policy import Random
 from fleet.training.evaluation import AGENT_MINUTES, RETURN, evaluate, play, seconds_per_step
 from fleet.training.recipes import RECIPES
-from fleet.training.results import findings
+from fleet.training.results import findings, write_progress
 
 
 def test_a_policy_plays_the_same_seeds_the_same() -> None:
@@ -63,3 +66,8 @@ def test_figures_at_the_end_are_asked_of_the_environment_before_it_begins_anew()
     assert found["steps"] == 10
     assert found[AGENT_MINUTES] == pytest.approx(10 * 2 * 5.0 / 60.0)
     env.close()
+
+
+def test_steps_are_written_with_all_their_digits(tmp_path: Path) -> None:
+    write_progress(tmp_path, [{"steps": 1234567, "return": 0.1234567, "docked": math.nan}])
+    assert (tmp_path / "progress.csv").read_text(encoding="utf-8").splitlines()[1] == "1234567,0.123457,"

@@ -56,3 +56,10 @@ def test_a_difference_of_shares_holds_the_true_one_about_as_often_as_it_says() -
         found = difference(ours.astype(float).tolist(), theirs.astype(float).tolist(), is_share=True)
         held.append(found.low <= 0.1 <= found.high)
     assert 0.92 <= np.mean(held) <= 1.0
+
+
+def test_a_share_is_that_of_what_is_not_zero_whatever_it_weighs() -> None:
+    """Two for each success, as rewards have it, were more successes than trials."""
+    assert interval([2.0, 2.0, 0.0], is_share=True) == share(2, 3)
+    assert difference([2.0, 0.0], [2.0, 2.0], is_share=True) == share_difference([1.0, 0.0], [1.0, 1.0])
+    assert (interval([3.0]).of(1), interval([3.0, 3.0]).of(2)) == ("3", "3 [3, 3]")

@@ -320,3 +320,28 @@ def test_bad_input_is_refused_by_name(world: MixedWorld) -> None:
     with pytest.raises(ConfigError, match="connect"):
         RunConfig(fidelity=Fidelity.MIXED, connect=Connect.GUI)
     assert RunConfig(fidelity=Fidelity.MIXED, perception=Perception.CAMERA).fidelity.has_contact
+
+
+def test_a_moment_knows_whom_the_arms_serve(world: MixedWorld) -> None:
+    """They went on serving whom they served later, and touches of those did not count."""
+    (region,) = world._regions
+    before = world.save()
+    world.set_serving(0, 0)
+    world.load(before)
+    assert region._serving.tolist() == [-1]
+
+
+def test_to_save_a_moment_changes_nothing(lane: Scene) -> None:
+    """A car came into its region a tick later where every tick was saved."""
+    came = []
+    for saves in (False, True):
+        made = MixedWorld(lane)
+        ticks = 0
+        while not inside(made, 0) and ticks < 300:
+            if saves:
+                made.save()
+            step(made, (1.0, 0.0))
+            ticks += 1
+        came.append(ticks)
+        made.close()
+    assert came[0] == came[1]

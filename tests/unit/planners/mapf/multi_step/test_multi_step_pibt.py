@@ -280,3 +280,27 @@ def test_a_fleet_with_more_goals_than_fit_looks_up_those_of_agents_on_their_way(
     plan = MultiStepPibt(seed=1).plan(instance, tables)
     assert breaches(instance, plan) == []
     assert tables.n_goals <= instance.n_agents // 2 + 1
+
+
+def test_who_has_no_goal_does_not_depend_on_what_the_tables_memory_holds() -> None:
+    """Row -1 of the table was taken for theirs: what nobody had filled decided who was stuck."""
+    assert wanderings(0) == wanderings(7)
+
+
+def wanderings(memory: int) -> list[list[int]]:
+    """Where twelve agents come to, three of them without goals, where the last row of the table holds a number."""
+    graph, n, rng = open_grid(6, 9), 12, np.random.default_rng(1)
+    starts, goals = np.array(random_starts(graph, n, rng)), rng.integers(50, size=n).astype(np.int32)
+    goals[:3] = NO_GOAL
+    tables, planner, came = DistanceTable(graph, np.zeros(graph.n_cells, dtype=np.bool_)), MultiStepPibt(seed=0), []
+    tables._rows[-1] = memory
+    stay, priorities = (np.arange(n) % 2 == 0).tolist(), np.arange(n, dtype=np.float64).tolist()
+    for _ in range(STUCK_WINDOWS + RELEASE_WINDOWS):
+        instance = instance_of(
+            graph, starts.tolist(), goals.tolist(), priorities=priorities, stay=stay, allow_rotation=False, horizon=3
+        )
+        starts = planner.plan(instance, tables).states[-1]
+        came.append(starts.tolist())
+        there = starts == goals
+        goals[there] = rng.integers(50, size=there.sum())
+    return came
