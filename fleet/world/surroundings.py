@@ -200,7 +200,7 @@ class Surroundings:
     def rays(self, origins: FloatArray, ends: FloatArray, car_poses: FloatArray) -> FloatArray:
         """Hit fractions in the plane, shape (r,); a body that contains a ray's origin does not stop it.
 
-        Of arms only the feet are in the way.
+        Of arms only the feet are in the way; a pod is as if there was something between its legs.
         """
         out = np.ones(len(origins))
         _cast(origins, ends, car_poses, self._bodies, self._boxes, self._balls.xy, self._foot_m, out)

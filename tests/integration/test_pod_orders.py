@@ -15,7 +15,7 @@ from fleet.incidents.faults.floor import LaneBlocked
 from fleet.missions.phases import CarPhase
 from fleet.replay.film import POD_STYLE, film
 from fleet.report.order_history import order_history
-from fleet.robots.twist.pod import LIFT_S
+from fleet.robots.twist.pod import LIFT_S, POD
 from fleet.run.events import Event
 from fleet.run.setup import RunSetup
 from fleet.simulation import Simulation
@@ -539,3 +539,15 @@ def test_pods_are_brought_back_in_physics(make: Make) -> None:
     down = [event.facts for event in seen if event.kind == "pod_set_down"]
     assert len(down) == 2
     assert all(facts["off_mm"] <= 20.0 and facts["off_deg"] <= 2.0 for facts in down)
+
+
+@pytest.mark.bullet
+def test_physical_lidars_see_the_legs_of_pods(make: Make) -> None:
+    """Only the engine's own rays met them, and it was asked about parcels alone."""
+    with make(FOUR[0], fidelity=Fidelity.PHYSICS) as simulation:
+        x, y, _ = simulation.scene.pod_start[1]
+        beside = POD.length_m / 2 - 0.01
+        begin = np.array([[x + beside, y - 0.6, 0.07], [x, y - 0.6, 0.07]])
+        through_leg, between = simulation.world.rays(begin, begin + np.array([0.0, 1.2, 0.0]))
+        assert through_leg < 0.5
+        assert between == 1.0

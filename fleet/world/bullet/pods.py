@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +11,7 @@ import numpy as np
 from fleet.arrays import FloatArray, IntArray
 from fleet.robots.angle import rotation
 from fleet.robots.cars.models import CarModels
-from fleet.robots.twist.pod import LIFT_M, LIFT_S, pod_urdf
+from fleet.robots.twist.pod import LIFT_M, LIFT_S, POD, pod_urdf
 from fleet.world.bullet.contacts import ContactMonitor
 from fleet.world.bullet.engine.client import Client
 from fleet.world.bullet.engine.frames import quaternion
@@ -73,6 +74,12 @@ class PhysicalPods:
             place, quat = self._client.getBasePositionAndOrientation(body)
             rows.append((*(np.array(place) - rotation(np.array(quat)) @ self._com), *quat))
         return np.array(rows)
+
+    def balls(self) -> FloatArray:
+        """Centres and radii of balls round the pods, shape (p, 4)."""
+        poses = self.poses()
+        radius = np.full(len(poses), math.hypot(*POD.half_m, POD.height_m / 2))
+        return np.column_stack((poses[:, :2], poses[:, 2] + POD.height_m / 2, radius))
 
     def carried_by(self) -> IntArray:
         """See `PodLifts`."""

@@ -85,7 +85,7 @@ class Rays:
         cars: FloatArray,
         kind_of: IntArray,
         arms: FloatArray,
-        parcels: FloatArray,
+        loads: FloatArray,
     ) -> FloatArray:
         """Cast rays.
 
@@ -96,14 +96,14 @@ class Rays:
             cars: Frames of the cars, shape (n, 3, 4).
             kind_of: Which model each of them is, shape (n,).
             arms: Joint positions [rad], shape (m, n_joints).
-            parcels: Centres and radii of balls round the parcels, shape (p, 4).
+            loads: Centres and radii of balls round parcels and pods, shape (p, 4).
 
         Returns:
             Hit fractions in [0, 1], 1 = nothing met, shape (r,).
         """
         fractions, unsure = np.empty(len(origins)), np.empty(len(origins), dtype=np.int64)
-        balls = np.empty((len(arms) * self._arms.links.shape[1] + len(parcels), 4))
-        _place_balls(self._arms, arms, parcels, balls)
+        balls = np.empty((len(arms) * self._arms.links.shape[1] + len(loads), 4))
+        _place_balls(self._arms, arms, loads, balls)
         bodies = _Cars(frames=cars, kind_of=kind_of, ptr=self._ptr, body=self._body, reach=self._reach_m)
         n = _cast(origins, ends, boxes, bodies, balls, fractions, unsure)
         for first in range(0, n, _RAYS_PER_CALL):

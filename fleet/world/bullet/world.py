@@ -398,6 +398,7 @@ class BulletWorld:
     def rays(self, origins: FloatArray, ends: FloatArray) -> FloatArray:
         """See `World`; wheels stop no rays."""
         origins, ends = ray_points(origins, ends)
+        pods = () if self.pods is None else (self.pods.balls(),)
         return self._rays.cast(
             origins,
             ends,
@@ -405,7 +406,7 @@ class BulletWorld:
             cars=self._cars.now.frames,
             kind_of=self._cars.models.kind_of,
             arms=self._arms.q,
-            parcels=self._parcels.balls(),
+            loads=np.concatenate((self._parcels.balls(), *pods)),
         )
 
     def image(self, camera: Camera) -> CameraImage:
