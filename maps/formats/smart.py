@@ -111,8 +111,8 @@ def _agent(where: str, line: str, agent: int, order: Order) -> list[tuple[int, i
             raise SmartError(f"{at}: {len(values)} fields; valid: x,y,t or x,y")
         cell = (values[1], values[0]) if order == "xy" else (values[0], values[1])
         time = values[2] if len(values) == _WITH_TIME else len(cells)
-        if not 0 <= min(cell) <= max(cell) <= MOST:
-            raise SmartError(f"{at}: cell {shown(cell)} (row, col); valid: numbers from 0 to {MOST}")
+        if max(map(abs, cell)) > MOST:
+            raise SmartError(f"{at}: cell {shown(cell)} (row, col); valid: numbers up to {MOST}")
         if not len(cells) <= time <= MOST or (not cells and time != 0):
             raise SmartError(f"{at}: timestep {shown(time)}; valid: {f'{len(cells)} to {MOST}' if cells else '0'}")
         if cells and abs(cells[-1][0] - cell[0]) + abs(cells[-1][1] - cell[1]) > 1:

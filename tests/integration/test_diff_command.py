@@ -85,8 +85,8 @@ def test_figures_of_single_stations_are_told_if_wanted(
     assert "state_hash" in short
     assert "stations.pick_1." in long
     assert "│ stations." not in short
-    n_left = int(short.splitlines()[-1].split()[0])
-    assert short.splitlines()[-1] == f"{n_left} figures of stations and bounds differ, too (--all)"
+    n_left = int(short.splitlines()[-1].split(": ")[1].split()[0])
+    assert short.splitlines()[-1] == f"figures of stations and bounds that differ, too: {n_left} (--all)"
     rows = [line for line in long.splitlines() if line.startswith(("│ stations.", "│ bounds.", "│ idle_percent."))]
     assert len(rows) == n_left
 

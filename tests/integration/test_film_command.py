@@ -31,12 +31,12 @@ def status(words: list[str]) -> int | str | None:
 
 
 def test_a_film_ends_where_the_run_does(folder: Path, tmp_path: Path) -> None:
-    """Eight seconds from the twelfth on are left of twenty; a car has a place for each quarter of a second."""
+    """Eight seconds from the twelfth on are left of twenty; a car has a place at each end of a quarter of a second."""
     svg = tmp_path / "film.svg"
     assert status([str(folder), str(svg), "--at", "12"]) == 0
     turns = [one for one in ET.parse(svg).iter(f"{SVG}animateTransform") if one.get("type") == "rotate"]
     assert [one.get("dur") for one in turns] == ["8s"] * CONFIG.robots
-    assert {len((one.get("values") or "").split(";")) for one in turns} == {32}
+    assert {len((one.get("values") or "").split(";")) for one in turns} == {33}
 
 
 @pytest.mark.parametrize(

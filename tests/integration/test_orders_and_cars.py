@@ -138,7 +138,7 @@ def test_only_a_car_with_the_capability_gets_the_order(make: Make) -> None:
         assert reasons == [PairReason.LACKS_CAPABILITY, PairReason.CHOSEN, PairReason.TOO_HEAVY]
         assert "car_0 lacks a capability" in str(report)
         assert "car_1 has it, cost" in str(report)
-        assert str(report).startswith("x is assigned since")
+        assert str(report).startswith("x has been assigned since")
 
 
 def test_an_order_that_nobody_is_left_for_says_so(make: Make) -> None:

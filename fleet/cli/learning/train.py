@@ -19,7 +19,6 @@ from fleet.config import require
 from fleet.terminal.interrupts import interrupts
 from fleet.terminal.progress_bar import Bar
 from fleet.training.errors import TrainingError
-from fleet.training.intervals import Interval, heading
 from fleet.training.recipes import RECIPES
 
 if TYPE_CHECKING:
@@ -192,6 +191,8 @@ def _tensorboard(
 
 
 def _table(config: TrainConfig, recipe: Recipe, found: Mapping[str, Any]) -> Table:
+    from fleet.training.intervals import Interval, heading
+
     n_episodes = found["episodes"]
     table = Table(title=f"{config.env}, seed {config.seed}: {heading(n_episodes)}")
     table.add_column("policy")

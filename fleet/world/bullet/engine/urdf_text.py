@@ -90,7 +90,7 @@ def _part_fault(part: ElementTree.Element) -> str:
             words = element.get(attribute)
             n = _ROWS.get(attribute, 1)
             if words is not None and not _finite(words, n):
-                valid = "a finite number" if n == 1 else f"{n} finite numbers"
+                valid = "a finite number" if n == 1 else f"finite numbers, {n} of them"
                 return f"{where}: {element.tag} {attribute} {words!r}; valid: {valid}"
     if part.tag == "link":
         masses = [float(mass.get("value", "0")) for mass in part.iter("mass")]
