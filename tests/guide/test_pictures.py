@@ -64,7 +64,8 @@ def test_a_film_has_a_value_for_each_sample() -> None:
     with Simulation(config) as run:
         root = ET.fromstring(film(run, begin_s=6.0, length_s=5.0, px_per_m=20))
     moves = [one for kind in ("animate", "animateTransform") for one in root.iter(SVG + kind)]
-    lengths = {len((one.get("values") or "").split(";")) for one in moves}
-    assert lengths == {round(5.0 / SAMPLE_S)}
+    lengths = {(one.get("calcMode"), len((one.get("values") or "").split(";"))) for one in moves}
+    # What moves needs both ends of each quarter of a second.
+    assert lengths == {("discrete", round(5.0 / SAMPLE_S)), (None, round(5.0 / SAMPLE_S) + 1)}
     cars = [one for one in root.iter(f"{SVG}animateTransform") if one.get("type") == "rotate"]
     assert len(cars) == config.robots

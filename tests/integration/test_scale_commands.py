@@ -21,7 +21,13 @@ def test_two_fidelities_on_the_same_orders(tmp_path: Path, capsys: pytest.Captur
     words = "cell --robots 1 --seeds 2 --duration 90 --rate 200 --fidelities kinematic,grid"
     called("gap", *words.split(), "--jobs", "2", "--out", str(tmp_path / "a"))
     said = capsys.readouterr().out
-    for word in ("arrival at a dock [s]", "deliveries [1/h]", "service at a dock [s]", "waiting", "0 contacts"):
+    for word in (
+        "arrival at a dock [s]",
+        "deliveries [1/h]",
+        "service at a dock [s]",
+        "waiting",
+        "contacts between robots: 0",
+    ):
         assert word in said
     lines = list(csv.DictReader((tmp_path / "a" / "gap.csv").read_text().splitlines()))
     assert [(line["fidelity"], line["seed"]) for line in lines] == [

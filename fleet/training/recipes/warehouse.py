@@ -295,6 +295,8 @@ RESIDUAL = Recipe(
         # A grip has a centimetre.
         "residual": 0.1,
         "pace": 3.0,
+        # Of five trainings without it one pulled its cars away from below the arms, which wait for ever then.
+        "grants_hold": True,
         # An arm that is paid for its way to the parcel is slow to leave it, and the car drives off below it.
         "weights": {"progress": 0.0, "contact": -10.0, "time": -0.2},
     },
