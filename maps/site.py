@@ -248,9 +248,9 @@ def _read_table(name_or_path: str | os.PathLike[str]) -> tuple[_SiteTable, str]:
     return table, where
 
 
-def _toml_text(text: str) -> str:
-    """A text as TOML writes it: as JSON does, but for characters that JSON writes as two halves, and for DEL."""
-    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
+def _toml(value: object) -> str:
+    """A value as TOML writes it: as JSON does, but for characters that JSON writes as two halves, and for DEL."""
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
 def save_site(site: Site, path: str | os.PathLike[str]) -> None:
@@ -260,7 +260,7 @@ def save_site(site: Site, path: str | os.PathLike[str]) -> None:
         SiteFileError: The file cannot be written.
     """
     lines = [
-        f"name = {_toml_text(site.name)}",
+        f"name = {_toml(site.name)}",
         f"allow_reverse = {'true' if site.allow_reverse else 'false'}",
         *([] if site.grid.cell_m == 1.0 else [f"cell_m = {site.grid.cell_m}"]),
         "plan = '''",
@@ -273,12 +273,12 @@ def save_site(site: Site, path: str | os.PathLike[str]) -> None:
         lines += ["lanes = '''", *draw_lanes(chars, site.lanes, site.grid), "'''"]
     if site.names:
         lines += ["", "# What others call the stations.", "[names]"]
-        lines += [f"{name} = {_toml_text(theirs)}" for name, theirs in site.names.items()]
+        lines += [f"{name} = {_toml(theirs)}" for name, theirs in site.names.items()]
     for name, given in site.options.items():
         lines += ["", f"[stations.{name}]"]
         for key, value in vars(given).items():
             if value is not None:
-                lines.append(f"{key} = {_toml_text(value) if isinstance(value, str) else json.dumps(value)}")
+                lines.append(f"{key} = {_toml(value)}")
     target = Path(path)
     if not target.name:
         raise SiteFileError(f"site {site.name}: cannot be written to {str(path)!r}; valid: a file")

@@ -57,11 +57,11 @@ class Containment:
         gone = sorted(car for car in out | missions.leaving.keys() if missions.leaving.get(car, True))
         if not gone and not self._ways.n_cuts and not self._stations.any_lost:
             return
-        left = np.setdiff1d(np.arange(missions.n_cars), gone)
-        anywhere = any(missions.phase[car] is CarPhase.RECOVERING for car in left.tolist())
+        anywhere = not set(missions.cars_in(CarPhase.RECOVERING)).issubset(gone)
         changes = self._ways.n_cuts, len(gone), self._stations.n_closings, int(anywhere)
         if self._seen == (*changes, missions.board.n_moves):
             return
+        left = np.setdiff1d(np.arange(missions.n_cars), gone)
         for task in missions.board.in_state(*_WAITING):
             reason = self._why_never(task, left, gone, anywhere=anywhere)
             if reason:

@@ -39,7 +39,7 @@ def findings(scores: Sequence[SplitScores]) -> list[Finding]:
 
 def _finding(scores: SplitScores, scenario: Scenario, among: Sequence[SplitScores]) -> Finding:
     figures = {
-        name: _interval(values, scenario.measures[name])
+        name: interval(values, is_share=scenario.measures[name].is_share)
         for name, values in scores.figures.items()
         if name in scenario.measures
     }
@@ -61,10 +61,6 @@ def _finding(scores: SplitScores, scenario: Scenario, among: Sequence[SplitScore
         illegal=scores.illegal,
         decision_ms=scores.decision_ms,
     )
-
-
-def _interval(values: Sequence[float], measure: Measure) -> Interval:
-    return interval(values, is_share=measure.is_share)
 
 
 def _gain(own: Sequence[float], other: Sequence[float], measure: Measure) -> Interval:

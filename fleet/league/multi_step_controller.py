@@ -43,9 +43,10 @@ cannot get out; sooner or later each of them is the first, and the knot comes lo
 _SHUT_IN = 40
 """Timesteps that a robot spends in a pocket before it counts more than those who are nearer to the way out."""
 _OUT_FIRST = 8.0
-_DEEPEST = 300  # a power of 8 that a float still holds
 """How much more, for each bottleneck between them. Rounds of improvement would otherwise give a robot at the mouth of a
 dead end its way back that had to leave it, since what it gains is more than what the one inside loses; for ever."""
+_DEEPEST = 300
+"""Bottlenecks that are counted so: a power of 8 that a float still holds."""
 _UNHURRIED_S = 0.1
 """Budget of a step from which on robots of a large floor look farther ahead, and all decide in each timestep."""
 _CROWD = 12

@@ -69,7 +69,7 @@ class Stations:
     @property
     def any_lost(self) -> bool:
         """Whether any station is closed for good."""
-        return any(map(self.is_lost, self._stations))
+        return any(any(reasons.values()) for reasons in self._closed.values())
 
     def named(self, name: str) -> Station:
         """The station of a name that exists."""

@@ -361,7 +361,6 @@ class PlanarWorld:
         self._surroundings.load(snapshot.surroundings)
         if self.pods is not None and snapshot.pods is not None:
             self.pods.load(snapshot.pods)
-            self._surroundings.forget_pods()
             self._surroundings.see_pods(self.pods.planar, self.pods.carried_by())
 
     def state_bytes(self) -> bytes:

@@ -75,6 +75,7 @@ class Surroundings:
         )
         self._alone = [part.copy() for part in self._bodies[:-1]]  # without pods
         self._carried_by = np.empty(0, dtype=np.int64)
+        self._standing = np.empty((0, 3))
         self._pods: dict[int, tuple[float, float, float, float]] = {}
         self._may_pass = self._lifts
         self._foot_m = scene.arms.foot_m
@@ -123,9 +124,10 @@ class Surroundings:
             poses: x, y, yaw, shape (p, 3); those that stand are as good as turned by quarters.
             carried_by: The car that carries each, -1 for none, shape (p,).
         """
-        if np.array_equal(carried_by, self._carried_by):
+        standing = poses[carried_by < 0]
+        if np.array_equal(carried_by, self._carried_by) and np.array_equal(standing, self._standing):
             return
-        self._carried_by = carried_by
+        self._carried_by, self._standing = carried_by, standing
         for part, alone in zip(self._bodies[:-1], self._alone, strict=True):
             part[:] = alone
         loaded = carried_by[carried_by >= 0]
@@ -138,10 +140,6 @@ class Surroundings:
         stand = np.flatnonzero(carried_by < 0).tolist()
         self._pods = {_POD_KEY + pod: (*poses[pod, :2].tolist(), length_m, width_m) for pod in stand}
         self._sort_boxes()
-
-    def forget_pods(self) -> None:
-        """Take note of all pods anew next time: they are where they were before."""
-        self._carried_by = np.empty(0, dtype=np.int64)
 
     def observe(
         self, car_poses: FloatArray, held: FloatArray, known: Callable[[int], bool] | None = None
@@ -161,7 +159,7 @@ class Surroundings:
         if self._pods and len(codes):
             codes = codes[~self._below_pods(codes)]
         if len(codes) or self._touching:
-            # What somebody else looks after is kept in mind: it is no new touch where it goes on without him.
+            # What somebody else looks after is kept in mind: it is no new touch where it goes on without them.
             now = frozenset(codes.tolist())
             new = [code for code in now - self._touching if known is None or not known(code)]
             static = sum(code >> KIND_SHIFT == STATIC for code in new)

@@ -551,3 +551,20 @@ def test_physical_lidars_see_the_legs_of_pods(make: Make) -> None:
         through_leg, between = simulation.world.rays(begin, begin + np.array([0.0, 1.2, 0.0]))
         assert through_leg < 0.5
         assert between == 1.0
+
+
+def test_what_is_in_the_way_of_kinematic_cars_follows_pods_that_are_put_and_moments_that_come_back(make: Make) -> None:
+    """Boxes of pods stayed where they had been seen until one was carried."""
+    with make(FOUR[0], fidelity=Fidelity.KINEMATIC) as simulation:
+        world = simulation.world
+        assert isinstance(world, KinematicWorld)
+        assert world.pods is not None
+        simulation.tick()
+        before, boxes = world.save(), dict(world._surroundings._pods)
+        x, y, yaw = simulation.scene.pod_start[0]
+        world.pods.put(0, np.array([x, y + 0.5, yaw]))
+        world.step(np.zeros((3, 2)), world.arm_positions(), world.arm_velocities(), world.held() >= 0)
+        (moved,) = [key for key, box in world._surroundings._pods.items() if box != boxes[key]]
+        assert world._surroundings._pods[moved][:2] == (x, y + 0.5)
+        world.load(before)
+        assert world._surroundings._pods == boxes

@@ -13,7 +13,8 @@ def place_of(site: str | Path | Site) -> FleetSite:
     """What a fleet needs to know of a site; that of one that ships is worked out once in a process."""
     if isinstance(site, Site):
         return FleetSite.of(site)
-    return _shipped(str(site)) if str(site) in site_names() else FleetSite.of(load_site(site))
+    name = str(site)
+    return _shipped(name) if name in site_names() else FleetSite.of(load_site(name))
 
 
 @functools.lru_cache(maxsize=4)

@@ -19,7 +19,7 @@ Source: `python -m benchmarks.mapf --only pogema`."""
 
 
 class Auto:
-    """`WindowSearch` where agents have no heading, go both ways and have room, else `MultiStepPibt`.
+    """`WindowSearch` where agents have no heading, go both ways, have room and are at hand, else `MultiStepPibt`.
 
     It chooses with the first window, and anew for another graph or another number of agents.
 
