@@ -273,13 +273,11 @@ class _Losses:
 
 
 def _check(config: RunConfig, setup: RunSetup) -> None:
-    n_chargers, known, site = config.battery.chargers_n or 1, len(setup.site.chargers), setup.site.name
-    require(
-        not config.battery.enabled or n_chargers <= known,
-        "battery.chargers_n",
-        config.battery.chargers_n,
-        f"1 to {known} (chargers of site {site})" if known else "no batteries: the site has no charger",
-    )
+    battery, known, site = config.battery, len(setup.site.chargers), setup.site.name
+    if battery.enabled:
+        require(known > 0, "battery.enabled", True, f"false, as site {site} has no charger (C in its plan)")
+        fits = battery.chargers_n is None or battery.chargers_n <= known
+        require(fits, "battery.chargers_n", battery.chargers_n, f"1 to {known} (chargers of site {site})")
     cap = config.allocation.station_cap_n
     most = max((len(station.slots) for station in setup.site.stations), default=1)
     require(

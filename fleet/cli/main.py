@@ -181,7 +181,7 @@ SITE_COMMANDS = {
     "generate": Command("site.SiteGenerate", "Generate a warehouse and save it as a site file.", compiles=False),
     "convert": Command(
         "site.SiteConvert",
-        "Turn a MovingAI map into a site: adds stations and parking.",
+        "Turn a MovingAI map into a site: adds stations, parking and chargers.",
     ),
     "export": Command(
         "site.SiteExport",

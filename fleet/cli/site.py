@@ -103,6 +103,8 @@ class SiteGenerate:
     """Drop stations."""
     parking: int = 24
     """Parking cells."""
+    chargers: int = 0
+    """Charging cells; none if cars have no batteries."""
     sides: Literal["we", "nesw", "none"] = "we"
     """Walls along which stations stand: west (picks) and east (drops), also north (picks) and south (drops), or
     none."""
@@ -121,9 +123,9 @@ class SiteGenerate:
         for name in ("rows", "cols"):
             value = getattr(self, name)
             require(1 <= value <= MOST, f"--{name}", value, f"an integer from 1 to {MOST}")
-        for name in ("pick", "drop", "parking", "lanes"):
+        for name, least in (("pick", 1), ("drop", 1), ("parking", 1), ("chargers", 0), ("lanes", 1)):
             value = getattr(self, name)
-            require(value >= 1, f"--{name}", value, "an integer of at least 1")
+            require(value >= least, f"--{name}", value, f"an integer of at least {least}")
         require(1.0 <= self.cell <= MAX_CELL_M, "--cell", self.cell, f"a number from 1 to {MAX_CELL_M}")
         require(self.islands or self.sides != "none", "--sides", self.sides, "we or nesw, or none with --islands")
         site = generate_warehouse(
@@ -132,6 +134,7 @@ class SiteGenerate:
             pick=self.pick,
             drop=self.drop,
             parking=self.parking,
+            chargers=self.chargers,
             sides=self.sides,
             islands=self.islands,
             lanes=self.lanes,
@@ -143,7 +146,7 @@ class SiteGenerate:
 
 @dataclass(frozen=True, kw_only=True)
 class SiteConvert:
-    """Turn a MovingAI map into a site: adds stations and parking."""
+    """Turn a MovingAI map into a site: adds stations, parking and chargers."""
 
     map: Annotated[Path, tyro.conf.Positional]
     """The .map file."""
@@ -155,6 +158,8 @@ class SiteConvert:
     """Drop stations."""
     parking: int = 20
     """Parking cells."""
+    chargers: int = 0
+    """Charging cells; none if cars have no batteries."""
     grip: Grip | None = None
     """The only tool whose reach counts; default: both."""
 
@@ -162,11 +167,13 @@ class SiteConvert:
         """Write the file; a site whose arms cannot serve their stations raises."""
         from maps.formats.movingai import site_from_map
 
-        for name in ("pick", "drop", "parking"):
+        for name, least in (("pick", 1), ("drop", 1), ("parking", 1), ("chargers", 0)):
             value = getattr(self, name)
-            require(1 <= value <= MOST, f"--{name}", value, f"an integer from 1 to {MOST}")
+            require(least <= value <= MOST, f"--{name}", value, f"an integer from {least} to {MOST}")
         require_file("OUT", self.out, self.map)
-        site = site_from_map(self.map, pick=self.pick, drop=self.drop, parking=self.parking)
+        site = site_from_map(
+            self.map, pick=self.pick, drop=self.drop, parking=self.parking, chargers=self.chargers
+        )
         _require_reach(_unreached(site, self.grip))
         return _save(site, self.out)
 

@@ -480,6 +480,7 @@ def test_a_refused_run_leaves_earlier_results_alone(tmp_path: Path, capsys: pyte
         (["site", "check", "small", "--graphml", "."], ["--graphml .: Is a directory", "a file that can be written"]),
         (["site", "generate", "OUT", "--rows", "0"], ["--rows is 0", "1 to 1000"]),
         (["site", "generate", "OUT", "--rows", "5"], ["rows is 5", "at least 7"]),
+        (["site", "generate", "OUT", "--chargers", "-1"], ["--chargers is -1", "at least 0"]),
         (["site", "generate", "OUT", "--cols", "wide"], ["--cols is 'wide'", "an integer"]),
         (["site", "generate", "nowhere/x.toml"], ["nowhere/x.toml", "No such file"]),
         (["site", "convert", "nope.map", "OUT"], ["nope.map", "No such file"]),

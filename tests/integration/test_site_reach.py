@@ -106,6 +106,8 @@ def test_check_convert_and_run_refuse_in_the_same_words(tmp_path, capsys, monkey
     drawn, site = tmp_path / "own.map", tmp_path / "own.toml"
     drawn.write_text(MAP)
     convert = ["site", "convert", str(drawn), str(site), "--pick", "1", "--drop", "1", "--parking", "2"]
+    done([*convert, "--chargers", "1"], capsys)
+    assert len(load_site(str(site)).chargers) == 1
     done(convert, capsys)
     # As if a default were wrong: the slots lie as high as the arm's elbow.
     monkeypatch.setattr(maps.stations, "SLOT_TOP_M", 0.8)
