@@ -9,7 +9,7 @@ from maps.lane_graph import TURN, LaneGraph
 from planners.deadline import Deadline
 from planners.errors import PlanningError
 from planners.mapf.arrays import Distances, IntArray
-from planners.mapf.distance_table import MOST_COST, UNREACHABLE, DistanceTable
+from planners.mapf.distance_table import MOST_COST, UNREACHABLE, DistanceTable, DistanceTooLong
 from planners.mapf.kernel import Int, kernel
 from planners.mapf.multi_step import multi_step_kernel
 from planners.mapf.multi_step.crew import Crew
@@ -68,6 +68,8 @@ class GoalCosts:
 
         Raises:
             PlanningError: A cost is not positive, or too large for the table of a large floor.
+            DistanceTooLong: A way on a small floor costs more than its table can hold; on a large one that is found
+                out when its goal is asked for.
         """
         if move_cost.min(initial=1) < 1:
             raise PlanningError(f"goal costs: move_cost holds {move_cost.min()}; valid: integers >= 1")
@@ -86,9 +88,14 @@ class GoalCosts:
         heads = np.empty(self.dearest + 1, dtype=np.int32)
         pool = np.empty((2, graph.n_states * 4 + graph.n_moves), dtype=np.int32)
         states = graph.state_index[self._pebble.state_cell]
-        _fill_all(
+        goal = _fill_all(
             states, graph.in_ptr, graph.in_move, graph.move_from, move_cost.astype(np.int32), self._table, heads, pool
         )
+        if goal >= 0:
+            raise DistanceTooLong(
+                f"goal costs: a way to cell {self._pebble.state_cell[goal]} costs more than {UNREACHABLE - 1}; "
+                f"valid: lower costs of moves, of which the dearest is {self.dearest}"
+            )
 
     def weigh_drives(self, cost: IntArray) -> None:
         """Give the drives other costs, whatever the heading; turns cost as much as the cheapest drive.
@@ -198,8 +205,10 @@ def _fill_all(
     table: Distances,
     heads: IntArray,
     pool: IntArray,
-) -> None:  # pragma: no cover - compiled
+) -> int:  # pragma: no cover - compiled
     """Shortest paths against the moves from each goal, shape (n_goals, 4) states of which -1 are none.
+
+    Returns a goal to which a way costs more than the table can hold, -1 if there is none.
 
     Dijkstra with a ring of buckets, one per cost up to the largest of a move (Dial, "Algorithm 360", Communications of
     the ACM 12(11), 1969). A bucket is a list threaded through `pool`: states, and where the list goes on.
@@ -217,7 +226,7 @@ def _fill_all(
                 pool[0, used], pool[1, used] = goal_states[goal, k], heads[0]
                 heads[0] = used
                 used += 1
-        level, empty = 0, 0
+        level, empty, beyond = 0, 0, False
         while empty < n_buckets:
             bucket = level % n_buckets
             empty += 1
@@ -243,7 +252,15 @@ def _fill_all(
                             used += 1
                         pool[0, item], pool[1, item] = before, heads[cost % n_buckets]
                         heads[cost % n_buckets] = item
+                    elif table[goal, before] == UNREACHABLE:
+                        beyond = True
             level += 1
+        if beyond:  # unless what the table cannot hold was reached by a cheaper way later
+            for state in range(table.shape[1]):
+                for k in range(in_ptr[state], in_ptr[state + 1]):
+                    if table[goal, state] != UNREACHABLE and table[goal, move_from[in_move[k]]] == UNREACHABLE:
+                        return goal
+    return -1
 
 
 @kernel

@@ -14,7 +14,7 @@ from maps.lane_graph import TURN, LaneGraph, grid_lane_graph
 from planners.deadline import Deadline
 from planners.errors import PlanningError
 from planners.mapf.arrays import IntArray
-from planners.mapf.distance_table import UNREACHABLE
+from planners.mapf.distance_table import UNREACHABLE, DistanceTooLong
 from planners.mapf.multi_step import goal_costs
 from planners.mapf.multi_step.goal_costs import COARSE_UNIT, GoalCosts, left
 
@@ -84,6 +84,20 @@ def test_a_cell_without_a_way_is_far_and_no_cell_is_near() -> None:
     states = rotating.state_index[[0, 0], EAST]
     assert rows[1] == -1
     assert left(costs.costs, states, rows).tolist() == [UNREACHABLE, 0]
+
+
+def test_a_way_that_costs_more_than_a_table_holds_is_told() -> None:
+    """It was no way at all: robots stood for ever."""
+    rotating, pebble = both_graphs(GridMap(np.ones((1, 4), dtype=np.bool_)))
+    costs = GoalCosts(rotating, pebble, move_cost=np.full(rotating.n_moves, 13_000, dtype=np.int32))
+    furthest = costs_to(costs, rotating, 0)[rotating.state_index[3, EAST]]
+    assert furthest == 5 * 13_000  # two turns and three moves
+    with pytest.raises(DistanceTooLong, match="way to cell 0 costs more than 65534; .* dearest is 14000"):
+        costs.weigh(np.full(rotating.n_moves, 14_000, dtype=np.int32))
+    dear_way_round = np.full(rotating.n_moves, 13_000, dtype=np.int32)
+    dear_way_round[np.flatnonzero(rotating.move_kind == TURN)[0]] = 70_000
+    costs.weigh(dear_way_round)
+    assert max(costs_to(costs, rotating, 0)) < UNREACHABLE
 
 
 @pytest.mark.parametrize("motion", ["rotating", "pebble"])
