@@ -171,9 +171,7 @@ class SiteConvert:
             value = getattr(self, name)
             require(least <= value <= MOST, f"--{name}", value, f"an integer from {least} to {MOST}")
         require_file("OUT", self.out, self.map)
-        site = site_from_map(
-            self.map, pick=self.pick, drop=self.drop, parking=self.parking, chargers=self.chargers
-        )
+        site = site_from_map(self.map, pick=self.pick, drop=self.drop, parking=self.parking, chargers=self.chargers)
         _require_reach(_unreached(site, self.grip))
         return _save(site, self.out)
 

@@ -92,7 +92,7 @@ def test_a_way_that_costs_more_than_a_table_holds_is_told() -> None:
     costs = GoalCosts(rotating, pebble, move_cost=np.full(rotating.n_moves, 13_000, dtype=np.int32))
     furthest = costs_to(costs, rotating, 0)[rotating.state_index[3, EAST]]
     assert furthest == 5 * 13_000  # two turns and three moves
-    with pytest.raises(DistanceTooLong, match="way to cell 0 costs more than 65534; .* dearest is 14000"):
+    with pytest.raises(DistanceTooLong, match=r"way to cell 0 costs more than 65534; .* dearest is 14000"):
         costs.weigh(np.full(rotating.n_moves, 14_000, dtype=np.int32))
     dear_way_round = np.full(rotating.n_moves, 13_000, dtype=np.int32)
     dear_way_round[np.flatnonzero(rotating.move_kind == TURN)[0]] = 70_000
