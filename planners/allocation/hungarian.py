@@ -12,7 +12,7 @@ from planners.allocation.arrays import FloatArray, IntArray
 from planners.allocation.matching.dense_matching import match_all
 from planners.allocation.matching.prune import prune
 from planners.allocation.matching.sparse_matching import match
-from planners.allocation.problem import AllocationProblem, Assignment, assignment
+from planners.allocation.problem import AllocationProblem, Assignment, CostError, assignment
 from planners.errors import PlanningError
 from planners.status import Status
 
@@ -22,6 +22,10 @@ N_SMALL = 10_000
 """Fewer pairs than that are solved sooner than a compiled kernel is loaded."""
 MORE = 4
 """How many times as many of the cheapest are matched when the first ones are not enough."""
+EXACT = 1e-6
+"""What is called optimal costs at most such a share more: beside the step between classes, small costs are rounded."""
+MOST_RANGE = 1e200
+"""Most that costs may differ by where a step has to be larger than what all of them can save."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,7 +56,8 @@ class Hungarian:
     Priority classes are strict: no saving makes up for a less urgent task. One step of cost per class, larger than
     what all pairs together can save, does it: the sets of tasks that can be served together are a matroid (of a
     bipartite graph), so the best set by any falling weights of the classes is the lexicographic best (Edmonds,
-    "Matroids and the greedy algorithm", Mathematical Programming 1, 1971), and numbers stay small.
+    "Matroids and the greedy algorithm", Mathematical Programming 1, 1971), and numbers stay small. Where costs differ
+    by so much that the step drowns the small ones, the assignment does not call itself optimal.
 
     Source of the solver of small matrices: Crouse, "On implementing 2D rectangular assignment algorithms", IEEE
     Transactions on Aerospace and Electronic Systems 52(4), 2016, which scipy implements.
@@ -67,16 +72,25 @@ class Hungarian:
         self.config = HungarianConfig() if config is None else config
 
     def allocate(self, problem: AllocationProblem) -> Assignment:
-        """Allocate; 5 ms for 1000 vehicles and 1500 tasks."""
-        cost = problem.choice_cost()
+        """Allocate; 5 ms for 1000 vehicles and 1500 tasks.
+
+        Raises:
+            CostError: Costs differ by more than `MOST_RANGE`, and there are classes or pairs that are not allowed.
+        """
+        plain = cost = problem.choice_cost()
+        least, rounded = 0.0, 0.0
         if problem.class_of is not None and len(np.unique(problem.class_of)) > 1:
-            least, _, step = _range(cost)
-            cost = cost - least + step * np.unique(problem.class_of, return_inverse=True)[1]
+            least, _, step = _range(plain)
+            ranks = np.unique(problem.class_of, return_inverse=True)[1]
+            cost = plain - least + step * ranks
+            rounded = float(np.spacing(step * (ranks.max() + 1.0))) * min(cost.shape)
         if cost.shape[0] <= cost.shape[1]:
             pairs, status = self._choose(cost)
         else:
             turned, status = self._choose(cost.T)
             pairs = turned[:, ::-1]
+        if rounded > EXACT * float((plain[pairs[:, 0], pairs[:, 1]] - least).sum()) > 0.0:
+            status = Status.FEASIBLE
         return assignment(problem, pairs, status)
 
     def _choose(self, cost: FloatArray) -> tuple[IntArray, Status]:
@@ -101,11 +115,19 @@ def _pairs(rows: npt.NDArray[np.integer], columns: npt.NDArray[np.integer]) -> I
 
 
 def _range(cost: FloatArray) -> tuple[float, float, float]:
-    """Least and most of the finite entries, and a step that is more than any choice of pairs can save by them."""
+    """Least and most of the finite entries, and a step that is more than any choice of pairs can save by them.
+
+    Raises:
+        CostError: The step would be too large for a number.
+    """
     finite = np.isfinite(cost)
     if not finite.any():
         return 0.0, 0.0, 1.0
     least, most = float(cost.min()), float(cost.max(initial=-np.inf, where=finite))
+    if not most / 2.0 - least / 2.0 <= MOST_RANGE / 2.0:
+        raise CostError(
+            f"hungarian: costs are from {least:g} to {most:g}; valid: a difference of at most {MOST_RANGE:g}"
+        )
     return least, most, (most - least + 1.0) * (min(cost.shape) + 1)
 
 

@@ -52,7 +52,7 @@ class AllocationProblem:
         if np.ndim(self.cost) != 2:
             raise CostError(f"allocation: cost has shape {np.shape(self.cost)}; valid: (n_vehicles, n_tasks)")
         # A sum is nan or minus infinity if an entry is, which is cheaper than to look at each.
-        with np.errstate(invalid="ignore"):
+        with np.errstate(invalid="ignore", over="ignore"):
             suspicious = not self.cost.sum() > -np.inf
         if suspicious:
             bad = np.argwhere(np.isnan(self.cost) | np.isneginf(self.cost))

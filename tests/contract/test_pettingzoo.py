@@ -25,6 +25,7 @@ from pettingzoo.utils import parallel_to_aec
 import fleet.envs  # noqa: F401 - makes the environments known
 from fleet.config import Fidelity
 from fleet.envs import REPLACED, dispatch_v1, handover_v0, navigate_v1, traffic_v1, warehouse_v1
+from fleet.envs.core.base import EpisodeError
 from fleet.errors import ConfigError
 
 HETEROGENEOUS = ("Agents have different observation space sizes", "Observations are different shapes")
@@ -102,6 +103,19 @@ def test_the_table_has_every_environment_and_fidelity() -> None:
         for fidelity in set(Fidelity) - tested:
             with pytest.raises(ConfigError, match="fidelity"):
                 module.parallel_env(fidelity=fidelity)
+
+
+@of_every_case
+def test_what_is_closed_does_not_begin_again(case: Case) -> None:
+    """With physics some of them had lost their world by then, others made a new one."""
+    env = case.parallel_env()
+    env.reset(seed=1)
+    state = env.save_state()
+    env.close()
+    for again, words in ((env.reset, "reset"), (lambda: env.load_state(state), "load_state")):
+        with pytest.raises(EpisodeError, match=f"^{words}: the environment is closed; valid: another one$"):
+            again()
+    env.close()
 
 
 @of_every_case

@@ -133,6 +133,7 @@ class FleetEnv(ParallelEnv[str, Any, Any], EzPickle):
         self._seed = -1
         self._log: list[Any] = []
         self._window: PictureWindow | None = None
+        self._is_closed = False
 
     def observation_space(self, agent: str) -> Space[Any]:
         """Space of an agent's observations; the same object every time."""
@@ -156,8 +157,10 @@ class FleetEnv(ParallelEnv[str, Any, Any], EzPickle):
 
         Raises:
             ConfigError: The seed is no integer >= 0; nothing has changed.
+            EpisodeError: The environment is closed.
         """
         del options
+        self._require_open("reset")
         if seed is not None:
             require_seed(seed)
             self._series = np.random.default_rng(seed)
@@ -224,7 +227,9 @@ class FleetEnv(ParallelEnv[str, Any, Any], EzPickle):
         Raises:
             StateError: It was saved by an environment with other settings, or holds what no moment does; nothing has
                 changed, or no episode is under way.
+            EpisodeError: The environment is closed.
         """
+        self._require_open("load_state")
         if not isinstance(state, EnvState):
             raise StateError(f"load_state: the state is a {type(state).__name__}; valid: an EnvState")
         if state.name != self.metadata["name"]:
@@ -260,9 +265,10 @@ class FleetEnv(ParallelEnv[str, Any, Any], EzPickle):
         return None
 
     def close(self) -> None:
-        """Free what the environment holds; calling twice is harmless."""
+        """Free what the environment holds, for good; calling twice is harmless."""
         self.agents = []
         self._seed = -1
+        self._is_closed = True
         if self._window is not None:
             self._window.close()
             self._window = None
@@ -310,6 +316,10 @@ class FleetEnv(ParallelEnv[str, Any, Any], EzPickle):
         """Return to a moment at once; False, with nothing changed, if that is not exact any more."""
         del quick
         return False
+
+    def _require_open(self, what: str) -> None:
+        if self._is_closed:
+            raise EpisodeError(f"{what}: the environment is closed; valid: another one")
 
     def _start(self) -> tuple[dict[str, Any], Infos]:
         # Should the beginning fail, no episode is under way.

@@ -24,6 +24,7 @@ _CELL_RAD = 0.02
 _LINE_CELLS = 4
 _BLEND_CELLS = 8
 _BISECTIONS = 24  # speed bounds to 1e-7 of the largest
+_OVER = 1.001  # times a velocity limit that samples may reach
 _MOST_BISECTIONS = 100  # where the bound is smaller than that, as on a piece of 1e-8 rad: not zero, or it never ends
 
 
@@ -206,8 +207,40 @@ def _fill_cells(
 
 
 @kernel
+def _most_push(x: float, size: float, tangent: float, curve: float, limit: float) -> float:
+    """Largest path acceleration u with which one joint keeps its velocity limit inside a cell.
+
+    Its velocity at s is t sqrt(x + 2 u s) with the tangent t = tangent + curve s. Squared speeds x + 2 u s are a line,
+    the bound limit^2 / t^2 is convex where t does not change its sign, so the steepest line below it touches it at a
+    root of x t^3 - 3 limit^2 t + 2 limit^2 tangent = 0 (Viete's), or meets it at the end of the cell, where it is
+    bounded already. There is one root while |t| falls and one while it grows.
+    """
+    first, rise = (tangent, curve) if curve > 0.0 else (-tangent, -curve)
+    last = first + rise * size
+    shift = min(1.0, max(-1.0, first * np.sqrt(x) / limit))
+    most = np.inf
+    if first < 0.0:
+        touch = -first * 2.0 / 3.0  # where it begins at rest
+        if shift < -1e-6:
+            touch = 2.0 * limit / np.sqrt(x) * np.cos((np.arccos(shift) - 2.0 * np.pi) / 3.0)
+        if -touch < last:
+            most = rise * limit**2 / touch**3
+    if last > 0.0 and x > 0.0:
+        touch = 2.0 * limit / np.sqrt(x) * np.cos(np.arccos(-shift) / 3.0)
+        if touch < last:
+            most = min(most, -rise * limit**2 / touch**3)
+    return most
+
+
+@kernel
 def _push_range(
-    x: float, size: float, tangent: FloatArray, curve: FloatArray, limit: FloatArray, x_next_max: float
+    x: float,
+    size: float,
+    tangent: FloatArray,
+    curve: FloatArray,
+    limit: FloatArray,
+    within: FloatArray,
+    x_next_max: float,
 ) -> tuple[float, float]:
     """Range of the path acceleration u over a cell entered with squared path speed x; empty if low > high."""
     low = -x / (2.0 * size)
@@ -224,14 +257,28 @@ def _push_range(
                 high = min(high, max(a, b))
             elif abs(rest) > limit[j]:
                 return 1.0, 0.0
+    for j in range(tangent.shape[0]):
+        if low > high:
+            break
+        steepest = max(abs(tangent[j]), abs(tangent[j] + curve[j] * size))
+        if steepest**2 * max(x, x + 2.0 * size * high) > within[j] ** 2 and abs(curve[j]) > 1e-9:
+            high = min(high, _most_push(x, size, tangent[j], curve[j], within[j]))
     return low, high
 
 
 @kernel
 def _speeds(
-    size: FloatArray, tangent: FloatArray, curve: FloatArray, max_velocity: FloatArray, max_acceleration: FloatArray
+    size: FloatArray,
+    tangent: FloatArray,
+    curve: FloatArray,
+    max_velocity: FloatArray,
+    max_acceleration: FloatArray,
+    within: FloatArray,
 ) -> FloatArray:
-    """Time-optimal squared path speeds at the cell borders (m+1,), zero at both ends."""
+    """Time-optimal squared path speeds at the cell borders (m+1,), zero at both ends.
+
+    Velocities are limited by `max_velocity` at the borders and by `within` between them.
+    """
     m, n = tangent.shape
     top = np.full(m + 1, np.inf)
     for c in range(m):
@@ -246,7 +293,7 @@ def _speeds(
                 top[c] = min(top[c], 1e3 * max_acceleration[j] / abs(curve[c, j]))
     top[m] = 0.0
     for c in range(m - 1, -1, -1):  # backward: largest speeds from which the end can still be met
-        low, high = _push_range(top[c], size[c], tangent[c], curve[c], max_acceleration, top[c + 1])
+        low, high = _push_range(top[c], size[c], tangent[c], curve[c], max_acceleration, within, top[c + 1])
         if low <= high:
             continue
         inside = 0.0
@@ -255,7 +302,7 @@ def _speeds(
             if k >= _BISECTIONS and inside > 0.0:
                 break
             x = 0.5 * (inside + outside)
-            low, high = _push_range(x, size[c], tangent[c], curve[c], max_acceleration, top[c + 1])
+            low, high = _push_range(x, size[c], tangent[c], curve[c], max_acceleration, within, top[c + 1])
             if low <= high:
                 inside = x
             else:
@@ -263,7 +310,7 @@ def _speeds(
         top[c] = inside
     speed = np.zeros(m + 1)
     for c in range(m):  # forward: as fast as those allow
-        low, high = _push_range(speed[c], size[c], tangent[c], curve[c], max_acceleration, top[c + 1])
+        low, high = _push_range(speed[c], size[c], tangent[c], curve[c], max_acceleration, within, top[c + 1])
         speed[c + 1] = min(top[c + 1], max(0.0, speed[c] + 2.0 * size[c] * max(low, high)))
     speed[m] = 0.0
     return speed
@@ -341,10 +388,31 @@ def _timed(
     per_sample: int,
     width: int,
 ) -> tuple[FloatArray, FloatArray]:
-    """Positions and velocities of the fastest motion along a path, as `_sampled` gives them."""
+    """Positions and velocities of the fastest motion along a path, as `_sampled` gives them.
+
+    Between the borders of cells velocities are looked at only where it turns out that they have to be, as with joints
+    that are slow but strong.
+    """
     size, point, tangent, curve = _cells(path, deviation)
-    speed = _speeds(size, tangent, curve, max_velocity, max_acceleration)
-    return _sampled(path, size, point, tangent, curve, speed, fine_dt, per_sample, width)
+    within = np.full(len(max_velocity), np.inf)
+    for _ in range(2):
+        speed = _speeds(size, tangent, curve, max_velocity, max_acceleration, within)
+        q, qd = _sampled(path, size, point, tangent, curve, speed, fine_dt, per_sample, width)
+        if _keeps(q, qd, max_velocity, fine_dt * per_sample):
+            break
+        within = max_velocity
+    return q, qd
+
+
+@kernel
+def _keeps(q: FloatArray, qd: FloatArray, max_velocity: FloatArray, dt: float) -> bool:
+    """Whether velocities and differences of samples respect the limits."""
+    for i in range(len(q)):
+        for j in range(len(max_velocity)):
+            most = _OVER * max_velocity[j]
+            if abs(qd[i, j]) > most or (i and abs(q[i, j] - q[i - 1, j]) > most * dt):
+                return False
+    return True
 
 
 def retime(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import permutations
+
 import numpy as np
 import pytest
 from scipy.optimize import linear_sum_assignment
@@ -13,7 +15,7 @@ from planners.allocation.greedy import Greedy
 from planners.allocation.hungarian import Hungarian, HungarianConfig
 from planners.allocation.matching.dense_matching import match_all
 from planners.allocation.matching.prune import UNREACHABLE, nearest, travel_cost
-from planners.allocation.problem import AllocationProblem
+from planners.allocation.problem import AllocationProblem, CostError
 from planners.allocation.shop import Shop
 from planners.status import Status
 
@@ -54,6 +56,30 @@ def test_classes_are_strict_and_do_not_cost_pairs() -> None:
     for allocator in (Hungarian(), Hungarian(HungarianConfig(dense_work=0.0))):
         pairs = allocator.allocate(AllocationProblem(cost=cost, class_of=np.array([2, 0, 1], dtype=np.int32))).pairs
         assert pairs.tolist() == [[0, 1], [1, 2]], "the urgent task is served, then the next class, at any cost"
+
+
+@pytest.mark.parametrize("dear", [1e6, 1e15, 1e100])
+def test_what_calls_itself_optimal_is_beside_costs_that_drown_all_others(dear: float) -> None:
+    """Of costs of 1e15 and classes every sixth answer was not the best one, and called itself so."""
+    said = set()
+    for seed in range(60):
+        rng = np.random.default_rng(seed)
+        cost = rng.uniform(0.0, 10.0, (4, 4))
+        cost[rng.random((4, 4)) < 0.3] = dear
+        answer = Hungarian().allocate(AllocationProblem(cost=cost, class_of=np.array([0, 1, 2, 0], dtype=np.int32)))
+        least = min(cost[range(4), order].sum() for order in permutations(range(4)))
+        said.add(answer.status)
+        assert len(answer.pairs) == 4
+        assert answer.status is Status.FEASIBLE or answer.cost == pytest.approx(least)
+    assert said == ({Status.OPTIMAL} if dear == 1e6 else {Status.OPTIMAL, Status.FEASIBLE})
+
+
+def test_costs_that_leave_no_room_for_a_step_are_refused() -> None:
+    cost, classes = np.array([[1.0, 1.7e308], [2.0, 3.0]]), np.array([0, 1], dtype=np.int32)
+    for problem in (AllocationProblem(cost=cost, class_of=classes), AllocationProblem(cost=np.c_[cost, [INF, 1.0]])):
+        with pytest.raises(CostError, match=r"costs are from 1 to 1\.7e\+308; valid: a difference of at most 1e\+200"):
+            Hungarian().allocate(problem)
+    assert Hungarian().allocate(AllocationProblem(cost=cost)).pairs.tolist() == [[0, 0], [1, 1]]
 
 
 @pytest.mark.parametrize("shape", [(40, 60), (60, 40), (40, 40)])

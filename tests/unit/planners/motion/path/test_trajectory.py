@@ -56,6 +56,22 @@ def test_limits_ends_and_deviation(name, dt):  # type: ignore[no-untyped-def]
     assert _distance_to_path(motion.q, path).max() <= 0.05 + np.sqrt(7) * 5.0 * 0.08**2 / 24
 
 
+@pytest.mark.parametrize("smoothing", [0.0, 0.08])
+@pytest.mark.parametrize("deviation", [0.05, 0.5])
+def test_joints_that_are_slow_but_strong_keep_their_limits_in_corners(deviation, smoothing):  # type: ignore[no-untyped-def]
+    """Limits were kept where cells of an arc meet, and exceeded by up to 61 % inside them."""
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        path = np.cumsum(rng.normal(0.0, 0.4, (int(rng.integers(3, 7)), 3)), axis=0)
+        velocity, acceleration = rng.uniform(0.1, 1.0, 3), rng.uniform(2.0, 10.0, 3)
+        limits = {"max_deviation_rad": deviation, "smoothing_s": smoothing}
+        motion = retime(path, velocity, acceleration, 1 / 240, **limits)
+        assert np.all(np.abs(np.diff(motion.q, axis=0)) * 240 <= velocity * 1.001)
+        assert np.all(np.abs(motion.qd) <= velocity * 1.001)
+        # A joint that may be ten times as fast is never kept by its velocity: what is slower is slower for a reason.
+        assert motion.duration_s >= retime(path, 10.0 * velocity, acceleration, 1 / 240, **limits).duration_s
+
+
 def test_velocities_are_the_slope_of_the_positions():
     motion = retime(PATHS["three corners"], VELOCITY, ACCELERATION, 0.004)
     slope = (motion.q[2:] - motion.q[:-2]) / 0.008
