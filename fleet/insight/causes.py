@@ -54,7 +54,7 @@ class Cause(IntEnum):
     """Stands where a visit takes it."""
     NO_TASK = 17
     FAULT = 18
-    """Dead, off its lane, or out of service with a parcel or pod that it could not bring where it belongs."""
+    """Dead, off its lane, told to stand still, or out of service; an arm that is dead or told to stand still."""
     WORKS = 19
     """An arm that serves a car, or fetches a parcel ahead."""
     AWAITS = 20
@@ -121,6 +121,7 @@ DETAILS: tuple[str, ...] = tuple(
             "lifts",
             "sets_down",
             "pod_loaded",
+            "below_arm",
         )
     )
 )

@@ -45,7 +45,13 @@ _FAULTS = {
     "pod_loaded": "is out of service with a pod on its plate",
     "stopped": "is told to stand still",
     "out": "was taken out of service",
+    "below_arm": "stands below {by}",
 }
+_MENDED = {
+    "out": "has to be taken back into service",
+    "stopped": "has to be let go on",
+}
+"""What ends a fault that is none of the robot's own."""
 _PODS = {"lifts": "lifts a pod", "sets_down": "sets down a pod"}
 _IDLE = {
     "": "none is open",
@@ -109,6 +115,14 @@ def _needs(link: Link) -> str:
     return f"{slow}needs {link.left_s:.1f} s more" if link.left_s is not None else f"{slow}is at work"
 
 
+def _fault(link: Link) -> str:
+    return _FAULTS.get(link.detail, "is out of service").format(by=link.by)
+
+
+def _recovers(link: Link) -> str:
+    return "has to be repaired" if link.robot.startswith("arm_") else "has to be taken out of the way, or to recover"
+
+
 def _visits(link: Link) -> str:
     return f"{_PODS.get(link.detail, 'stands')} at {link.place or 'its place'} for {link.task}"
 
@@ -170,7 +184,7 @@ _REASONS: dict[Cause, Phrase] = {
     Cause.CHARGES: lambda link: f"it charges at {link.place}{_left(link, ' for ')}",
     Cause.VISITS: lambda link: f"it {_visits(link)}{_left(link, ' for ')}",
     Cause.NO_TASK: _idle,
-    Cause.FAULT: lambda link: f"it {_FAULTS.get(link.detail, 'is out of service')}",
+    Cause.FAULT: lambda link: f"it {_fault(link)}",
     Cause.WORKS: lambda link: f"it {_needs(link)}",
     Cause.AWAITS: lambda link: f"at {link.place} it awaits {link.by}",
     Cause.OTHER_ARM: lambda link: f"over the dock of {link.place} moves {link.by}",
@@ -189,7 +203,7 @@ _PREDICATES: dict[Cause, Phrase] = {
     ),
     Cause.VISITS: lambda link: f"{_visits(link)}{_left(link, ', for ')}",
     Cause.NO_TASK: lambda link: f"has no task: {_idle(link)}",
-    Cause.FAULT: lambda link: _FAULTS.get(link.detail, "is out of service"),
+    Cause.FAULT: _fault,
     Cause.WORKS: _needs,
     Cause.AWAITS: lambda link: f"awaits {link.by}",
     Cause.OTHER_ARM: lambda link: f"waits until out of its way is {link.by}",
@@ -202,6 +216,6 @@ _RELEASES: dict[Cause, Phrase] = {
     Cause.CHARGES: lambda link: f"{link.robot} has to be charged{_left(link, ', which takes ')}",
     Cause.VISITS: lambda link: f"{link.robot} has to leave {link.place or 'its place'}{_left(link)}",
     Cause.NO_TASK: _free,
-    Cause.FAULT: lambda link: f"{link.robot} has to be taken out of the way, or to recover",
+    Cause.FAULT: lambda link: f"{link.robot} {_MENDED.get(link.detail) or _recovers(link)}",
     Cause.WORKS: lambda link: f"{link.robot} has to end its transfer{_left(link, ', which takes ')}",
 }

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from numba import njit
 
 from fleet.arrays import FloatArray
-from fleet.insight.causes import DETAILS, NONE, NOT_KEPT_BY_PLACE, WITHOUT_TASK, Cause, CauseRows, Column
+from fleet.insight.causes import DETAIL_OF, DETAILS, NONE, NOT_KEPT_BY_PLACE, WITHOUT_TASK, Cause, CauseRows, Column
 from fleet.missions.phases import PHASES, CarPhase
 
 STANDING_MPS = 0.05
@@ -37,9 +37,10 @@ class Account(IntEnum):
     """A car at a dock with an arm at work on it; an arm at work."""
     CHARGING = 5
     FAULT = 6
-    """Dead, off its lane, or out of service with a parcel or pod that it could not bring where it belongs."""
+    """Dead, off its lane, told to stand still, or out of service with a parcel or pod that it could not bring where it
+    belongs; an arm that is dead or told to stand still."""
     IDLE = 7
-    """Has no task; an arm for which no car is bound."""
+    """Has no task, as one that was taken out of service; an arm for which no car is bound."""
     VISITING = 8
     """Stands where a visit takes it."""
     PLAN_LATE = 9
@@ -60,6 +61,7 @@ WAITING = (Account.TRAFFIC, Account.QUEUE, Account.PLAN_LATE)
 _DRIVES = -1  # an account is found from speed, load and station
 _HELD = -2
 _IDLE = -3
+_OUT = -4
 _RULE = {
     CarPhase.IDLE: _IDLE,
     CarPhase.TO_PICK: _DRIVES,
@@ -72,7 +74,7 @@ _RULE = {
     CarPhase.TO_PLACE: _DRIVES,
     CarPhase.STANDING: Account.VISITING,
     CarPhase.RECOVERING: Account.FAULT,
-    CarPhase.RETIRED: Account.FAULT,
+    CarPhase.RETIRED: _OUT,
     CarPhase.DEAD: Account.FAULT,
 }
 _RULES = np.array([_RULE[phase] for phase in PHASES], dtype=np.int64)
@@ -81,11 +83,14 @@ _ARM_RULE = {
     Cause.AWAITS: Account.AWAITING,
     Cause.OTHER_ARM: Account.TRAFFIC,
     Cause.PLAN_LATE: Account.PLAN_LATE,
+    Cause.FAULT: Account.FAULT,
 }
 _ARM_RULES = np.array([_ARM_RULE.get(cause, Account.IDLE) for cause in Cause], dtype=np.int64)
 _HAS_PLACE = np.array([cause not in NOT_KEPT_BY_PLACE for cause in Cause])
 _ENDS_CHAIN = np.array([cause in WITHOUT_TASK for cause in Cause])
-_PLAN_LATE, _CHARGER = int(Cause.PLAN_LATE), int(Cause.CHARGER)  # kernels know plain numbers only
+# Kernels know plain numbers only.
+_PLAN_LATE, _CHARGER, _FAULT = int(Cause.PLAN_LATE), int(Cause.CHARGER), int(Cause.FAULT)
+_TAKEN_OUT = DETAIL_OF["out"]
 _NOT_KNOWN = -2
 _CAUSE, _BY, _CELL, _PLACE, _DETAIL = (
     int(c) for c in (Column.CAUSE, Column.BY, Column.CELL, Column.PLACE, Column.DETAIL)
@@ -118,6 +123,8 @@ class ArmTime:
     traffic: int
     """Waiting until its sibling was out of the way."""
     plan_late: int
+    fault: int
+    """Dead, or told to stand still."""
     idle: int
 
 
@@ -308,10 +315,16 @@ def _find_accounts(rules: _Rules, tick: _Tick, accounts: Ticks) -> None:
         rule, cause, station = car_rules[phase[car]], causes[car, _CAUSE], place[car]
         if rule >= 0:
             accounts[car] = rule
+        elif rule == _OUT and causes[car, _DETAIL] != _TAKEN_OUT:
+            accounts[car] = 6
         elif abs(paces[car]) >= STANDING_MPS:
             accounts[car] = 0 if loaded[car] else 1
+        elif rule == _OUT:
+            accounts[car] = 7
         elif rule == _IDLE:
             accounts[car] = 3 if cause == _CHARGER else 7
+        elif cause == _FAULT:
+            accounts[car] = 6
         elif cause == _PLAN_LATE:
             accounts[car] = 9
         elif rule == _HELD:
@@ -367,13 +380,14 @@ def _put_down(
 @njit(cache=True)
 def _count_waiting(stations: Ticks, tick: _Tick, accounts: Ticks) -> None:
     """Count the ticks in which stations were busy, and what cars waited for them meanwhile."""
+    first_arm = len(tick.phase)
     place, served = tick.place, tick.served
     waiting = np.zeros(stations.shape[1], dtype=np.int64)
     for car in range(len(place)):
         if accounts[car] == 3 and 0 <= place[car] < len(waiting):
             waiting[place[car]] += 1
     for station in range(len(waiting)):
-        if served[station] >= 0:
+        if served[station] >= 0 and accounts[first_arm + station] != 6:
             stations[0, station] += 1
             stations[1, station] += waiting[station] > 0
             stations[2, station] += waiting[station]

@@ -74,16 +74,19 @@ _CONGESTION_S = 5.0
 
 
 def words_of_arms(phases: Sequence[ArmPhase], causes: npt.NDArray[np.int32]) -> tuple[str, ...]:
-    """What arms do, in the words of the time accounts: one whose car is on its way is not idle.
+    """What arms do, in the words of the time accounts: one whose car is on its way is not idle, one that is dead is.
 
     Args:
         phases: What each arm is about.
         causes: What keeps each, shape (n_arms,).
     """
-    waits = (causes == Cause.AWAITS).tolist()
     return tuple(
-        Account.AWAITING.words if awaits and phase is ArmPhase.IDLE else phase
-        for phase, awaits in zip(phases, waits, strict=True)
+        Account.FAULT.words
+        if cause == Cause.FAULT
+        else Account.AWAITING.words
+        if cause == Cause.AWAITS and phase is ArmPhase.IDLE
+        else phase
+        for phase, cause in zip(phases, causes.tolist(), strict=True)
     )
 
 

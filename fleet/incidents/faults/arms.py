@@ -40,6 +40,7 @@ class ArmDead:
         run, for_good = self._run, event.is_for_good
         for arm in targets:
             run.arm_manager.stop([arm])
+            run.arm_manager.dead[arm] = True
             run.dispatcher.rules.interventions.close_station(arm, run.sim_s, _as_dead(arm), for_good=for_good)
             car = int(run.missions.served[arm])
             clear = run.arm_manager.services[arm].dock_is_clear
@@ -56,6 +57,7 @@ class ArmDead:
         """See `Incident`."""
         for arm in targets:
             self._run.arm_manager.go_on([arm])
+            self._run.arm_manager.dead[arm] = False
             self._run.dispatcher.rules.interventions.open_station(arm, _as_dead(arm))
             if arm in self._under:
                 self._recovery.revive(self._under.pop(arm), by=f"arm_{arm}")

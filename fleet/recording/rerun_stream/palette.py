@@ -27,6 +27,7 @@ _CAR_STATES = {
 _ARM_STATES = {
     "idle": 0x6B7280FF,
     "awaiting": 0xB98A45FF,
+    "fault": 0xEF4444FF,
     "planning": 0xFACC15FF,
     "moving": 0x10B981FF,
     "holding": 0x22C3E6FF,

@@ -25,7 +25,7 @@ _FRUSTUM_M = 0.25
 """Size in which a camera is drawn [m]."""
 EYE = "world/eye"
 """A camera before the arm at work, which a view looks through."""
-_RESTS = ("idle", "awaiting")
+_RESTS = ("idle", "awaiting", "fault")
 """What an arm does that is not at work."""
 
 

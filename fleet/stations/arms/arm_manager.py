@@ -7,7 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
-from fleet.arrays import FloatArray, IntArray
+from fleet.arrays import BoolArray, FloatArray, IntArray
 from fleet.config import ArmConfig
 from fleet.stations.arms.arm_controller import ArmController, ArmPhase
 from fleet.stations.arms.playing.playback import Playback
@@ -84,6 +84,8 @@ class ArmManager:
         self._tick_s = tick_s
         self._due: dict[int, tuple[int, int | Transfer]] = {}
         self._reasons = [""] * len(start_rad)
+        self.dead = np.zeros(len(start_rad), dtype=np.bool_)
+        """Arms that stand still because they are dead, shape (n_arms,); whoever says so stops them."""
         self._n_stops = np.zeros(len(start_rad), dtype=np.int64)
         self._outside: set[int] = set()
         self._fetched_for = np.zeros(len(start_rad), dtype=np.int64)
@@ -217,6 +219,11 @@ class ArmManager:
                     self._reasons[service.arm] += f" ({cause})"
                 service.release()
                 self._ask(service.arm, self._planner.submit(HomeRequest(arm=service.arm, q=service.q.copy())), tick)
+
+    @property
+    def stopped(self) -> BoolArray:
+        """Arms that have to stand still, shape (n_arms,)."""
+        return self._n_stops > 0
 
     @property
     def n_changes(self) -> IntArray:
