@@ -173,7 +173,8 @@ def _document(
 ) -> None:
     """Write curve, figures, settings and successes of a recipe."""
     DOCUMENTS.mkdir(parents=True, exist_ok=True)
-    if RECIPES[recipe].ppo.clone_n < RECIPES[recipe].n_steps:  # who only clones does from the first what a teacher does
+    # Who only clones does from the first what a teacher does.
+    if lesson.has_curve and RECIPES[recipe].ppo.clone_n < RECIPES[recipe].n_steps:
         _draw(recipe, seeds, runs)
     with (DOCUMENTS / f"{recipe}_episodes.csv").open("w", encoding="utf-8", newline="") as file:
         for seed, out in zip(seeds, runs, strict=True):

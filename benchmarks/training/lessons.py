@@ -46,6 +46,8 @@ class Lesson:
     """Policies that should not be better, by more than 2 % of a script's figure."""
     places: Mapping[str, Place] = field(default_factory=dict)
     """By name."""
+    has_curve: bool = True
+    """Whether most episodes of the training are like those of the evaluation; else a curve of them says nothing."""
 
     @property
     def success(self) -> Success | None:
@@ -133,6 +135,7 @@ LESSONS: dict[str, Lesson] = {
         figure="deliveries",
         minutes=60,
         n_episodes=20,
+        has_curve=False,
         places={
             "physics": Place(
                 arguments=PHYSICS,

@@ -279,7 +279,8 @@ def _change(values: list[Any], form: str, wanted: bool) -> tuple[str, ...]:
     if len(numbers) < 2 or numbers[0] == numbers[1]:
         return ("",)
     digits, unit = form.split("{")[1].split("}", maxsplit=1)[0].partition(":")[2], form.rpartition("}")[2]
-    return (f"{numbers[1] - numbers[0]:+{digits}}{unit}",)
+    told = f"{numbers[1] - numbers[0]:+{digits}}{unit}"
+    return (f"{told[:-1].rstrip()} points" if told.endswith("%") else told,)
 
 
 def _add_shares(table: Table, heading: str, shares: list[Any], change: bool) -> None:

@@ -228,7 +228,7 @@ def _table(outcome: Outcome, title: str) -> Table:
     table = Table(title=title)
     table.add_column("allocator")
     late = "tardiness [s]" if findings.has_due_dates else "task time [s]"
-    for name in ("cars", "deliveries/h", "difference", late, "waiting [%]"):
+    for name in ("cars", "tasks/h", "difference", late, "waiting [%]"):
         table.add_column(name, justify="right")
     table.add_column("at most/h")
     table.add_column("bottleneck")

@@ -39,7 +39,7 @@ class Bounds:
 
     cars_per_h: float
     """Cars never wait: each drives the loaded ways, the shortest empty ways that join them, and stands while it is
-    served."""
+    served. With several places in its tray it drives each way for as many parcels."""
     arms_per_h: float
     """Some arm never waits: it serves, and cars change."""
     lanes_per_h: float
@@ -117,14 +117,15 @@ def bounds_of(run: RunView, deliveries: IntArray, time_s: float, *, from_start: 
     n_saved = min(loaded, n) + min(empty, n) if on_grid else 0
     move_m = run.site.grid.cell_m
     move_s = GRID_MOVE_S if on_grid else move_m / PASS_SPEED_MPS
-    needed_s = (loaded + empty - n_saved) * move_s + served_s
+    driven_s = (loaded + empty - n_saved) * move_s
+    needed_s = driven_s / _places_of(run) + served_s
 
     cycle_s = np.maximum(service_s + change_s, stations.least_cycle_s(run.config.collect_after_s))
     visits = deliveries.sum(axis=0) + deliveries.sum(axis=1)
     arm = int(np.argmax(cycle_s * visits))
     line = narrowest(lines_of(run.graph, run.site.grid.cols, stations.dock_states, deliveries))
     per_h = {
-        "cars": 3600.0 * n * run.world.n_cars / needed_s,
+        "cars": 3600.0 * n * float((1.0 / needed_s).sum()),
         "arms": 3600.0 * n / float(cycle_s[arm] * visits[arm]),
         "lanes": math.inf if line is None else 3600.0 * n * line.n_lanes / (headway_s * line.n_crossings),
         "orders": _orders_per_h(run),
@@ -216,6 +217,14 @@ def lines_of(graph: LaneGraph, cols: int, docks: CellArray, deliveries: IntArray
 def narrowest(lines: Iterable[CrossLine]) -> CrossLine | None:
     """The line that has the fewest lanes for those that cross it; None if nobody has to cross any."""
     return min(lines, key=lambda line: line.n_lanes / line.n_crossings, default=None)
+
+
+def _places_of(run: RunView) -> IntArray:
+    """Parcels that each car carries at a time, shape (n_cars,)."""
+    cars, several = run.scene.cars, run.config.allocation.fill_trays
+    per_kind = np.array([len(kind.tray_places) if several else 1 for kind in cars.kinds], dtype=np.int64)
+    places: IntArray = per_kind[cars.kind_of]
+    return places
 
 
 def _orders_per_h(run: RunView) -> float:

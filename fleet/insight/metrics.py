@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -21,7 +21,7 @@ from fleet.insight.time_table import Blame, blame_of
 from fleet.missions.parcels.perception import PoseSource
 from fleet.run.view import RunView
 from fleet.tasks.batches import Batches
-from fleet.tasks.board import DONE_STATES, UNDER_WAY, TaskState
+from fleet.tasks.board import DONE_STATES, UNDER_WAY, Task, TaskState
 
 BUSY = 0.5
 """A station that works a smaller share of the time keeps nobody up for long."""
@@ -33,9 +33,10 @@ class StationReport:
     """Figures of one station."""
 
     transfers_n: int
-    service_mean_s: float
-    """Time the arm is taken by one transfer, mean of the last ones; the prior if there was none [s]."""
-    service_p90_s: float
+    service_mean_s: float | None
+    """Time the arm is taken by one transfer, mean of the last ones; None if there was none [s]."""
+    service_p90_s: float | None
+    """The 90th percentile of these [s]."""
     busy_share: float
     """Share of the run in which the arm was at work for a car."""
     contended_share: float
@@ -109,7 +110,7 @@ class Summary:
     """Least state of charge any car ever had, 0 to 1; None without batteries."""
     charging_sessions: int
     cars_stranded: int
-    """Cars whose battery was empty."""
+    """Cars whose battery was ever empty."""
     stations: dict[str, StationReport]
     bounds: Bounds | None
     """What could be delivered at most; None if nothing was delivered."""
@@ -168,9 +169,9 @@ class Metrics:
         """
         board, world = run.board, run.world
         done = board.in_state(*DONE_STATES)
-        times = [task.done_s - task.since_s[TaskState.BACKLOG] for task in done if task.done_s is not None]
+        times = task_times_s(done)
         spans_s = batches.spans_s
-        late = _lateness(run)
+        late = lateness_s(board.tasks, run.sim_s)
         waiting = [task for task in board.in_state(*_WAITING) if TaskState.BACKLOG in task.since_s]
         contacts = world.contacts()
         clearance = world.min_clearance_m()
@@ -191,8 +192,8 @@ class Metrics:
             throughput_per_h=round(len(done) * 3600.0 / sim_s, 2) if sim_s > 0 else 0.0,
             task_time_mean_s=round(float(np.mean(times)), 2) if times else None,
             task_time_p95_s=round(float(np.percentile(times, 95)), 2) if times else None,
-            on_time_share=round(float(np.mean(np.array(late) <= 0.0)), 4) if late else None,
-            tardiness_mean_s=round(float(np.mean(np.maximum(late, 0.0))), 2) if late else None,
+            on_time_share=on_time_share(late),
+            tardiness_mean_s=mean_tardiness_s(late),
             oldest_open_s=round(max((sim_s - task.since_s[TaskState.BACKLOG] for task in waiting), default=0.0), 2),
             distance_loaded_m=round(float(self._distance_m[1].sum()), 2),
             distance_empty_m=round(float(self._distance_m[0].sum()), 2),
@@ -210,7 +211,7 @@ class Metrics:
             **_seen(run.perception),
             lowest_charge=round(batteries.lowest, 4) if batteries is not None else None,
             charging_sessions=charging.n_sessions if charging is not None else 0,
-            cars_stranded=int((batteries.charge <= 0.0).sum()) if batteries is not None else 0,
+            cars_stranded=int(batteries.emptied.sum()) if batteries is not None else 0,
             stations=self._stations(run),
             bounds=bounds,
             bottleneck=f"{bounds}; {self._busiest(run)}" if bounds is not None else self._busiest(run),
@@ -230,8 +231,8 @@ class Metrics:
             time = self.time_accounts.station_time(station.arm)
             reports[station.name] = StationReport(
                 transfers_n=service.n,
-                service_mean_s=round(service.mean_s, 2),
-                service_p90_s=round(service.p90_s, 2),
+                service_mean_s=round(service.mean_s, 2) if service.n else None,
+                service_p90_s=round(service.p90_s, 2) if service.n else None,
                 busy_share=round(time.busy / ticks, 4),
                 contended_share=round(time.contended / ticks, 4),
                 cap_n=run.bookings.caps[station.arm],
@@ -283,15 +284,30 @@ def _add(speeds, paces, loaded, bound, tick_s, distance_m, waiting_s):
             waiting_s[car] += tick_s
 
 
-def _lateness(run: RunView) -> list[float]:
+def task_times_s(done: Iterable[Task]) -> list[float]:
+    """How long tasks took from the tick in which their order came in [s]."""
+    return [task.done_s - task.since_s[TaskState.BACKLOG] for task in done if task.done_s is not None]
+
+
+def on_time_share(late_s: Sequence[float]) -> float | None:
+    """Share of what `lateness_s` tells that is not late; None without due dates."""
+    return round(float(np.mean(np.array(late_s) <= 0.0)), 4) if late_s else None
+
+
+def mean_tardiness_s(late_s: Sequence[float]) -> float | None:
+    """Mean of what `lateness_s` tells, where early ones count as on time [s]; None without due dates."""
+    return round(float(np.mean(np.maximum(late_s, 0.0))), 2) if late_s else None
+
+
+def lateness_s(tasks: Iterable[Task], now_s: float) -> list[float]:
     """End less due date of the tasks that have both, and for overdue ones the time since their due date [s]."""
     late = []
-    for task in run.board.tasks:
+    for task in tasks:
         end_s = task.done_s
         if math.isinf(task.order.due_s) or task.state is TaskState.CANCELLED:
             continue
         if end_s is not None:
             late.append(end_s - task.order.due_s)
-        elif run.sim_s > task.order.due_s:
-            late.append(run.sim_s - task.order.due_s)
+        elif now_s > task.order.due_s:
+            late.append(now_s - task.order.due_s)
     return late

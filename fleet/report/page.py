@@ -179,7 +179,7 @@ def _account_row(name: str, seconds: Mapping[str, float], used: Sequence[str]) -
         name,
         *(f"{by_name[account]:.1f}" for account in used),
         f"{sum(shares):.1f}",
-        f"{sum(seconds.values()):.1f}",
+        f"{round(sum(seconds.values()), 3):.1f}",  # one number for all robots, whatever the order of the sum
     ]
 
 

@@ -146,8 +146,8 @@ def tasks_of(run: Run) -> Table:
     rows = []
     for name, life in lives.items():
         since, end = life.get("released"), life.get("end")
-        waited = None if since is None or "first" not in life else life["first"] - since
-        flow = None if since is None or end is None else end - since
+        waited = None if since is None or "first" not in life else round(life["first"] - since, 3)
+        flow = None if since is None or end is None else round(end - since, 3)
         rows.append(
             (name, life["state"], life["car"], since, *(life.get(state) for state in states), end, waited, flow)
         )
@@ -157,7 +157,7 @@ def tasks_of(run: Run) -> Table:
 
 def progress_of(run: Run, tasks: Table) -> Table:
     """Tasks over time: done in each stretch, the rate of it, and how many are open at its end."""
-    total_s = run.trace.n_ticks * run.trace.tick_s
+    total_s = round(run.trace.n_ticks * run.trace.tick_s, 3)
     width_s = next((width for width in BIN_S if total_s / width <= N_BINS), BIN_S[-1])
     edges = np.arange(0.0, total_s + width_s * (1 - 1e-9), width_s)
     done = np.histogram(tasks["done_s"], bins=edges)[0] if len(tasks) else np.zeros(len(edges) - 1, dtype=int)
@@ -166,7 +166,8 @@ def progress_of(run: Run, tasks: Table) -> Table:
     n_open = np.searchsorted(released, edges[1:], side="right") - np.searchsorted(ended, edges[1:], side="right")
     # The last stretch may be cut short by the end of the run.
     lasts_s = np.minimum(edges[1:], total_s) - edges[:-1]
-    rows = list(zip(edges[:-1], edges[:-1] + lasts_s, done, done * 3600.0 / lasts_s, n_open, strict=True))
+    per_h = (done * 3600.0 / lasts_s).round(2)
+    rows = list(zip(edges[:-1], (edges[:-1] + lasts_s).round(3), done, per_h, n_open, strict=True))
     return table("progress", ("from_s", "to_s", "done_n", "per_h", "open_n"), rows)
 
 

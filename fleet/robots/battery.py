@@ -56,6 +56,8 @@ class Batteries:
         """State of charge, 0 empty to 1 full, shape (n_cars,)."""
         self.lowest = config.start
         """Least state of charge any car has had."""
+        self.emptied = np.zeros(len(cars_kg), dtype=np.bool_)
+        """Cars whose battery has ever been empty, shape (n_cars,)."""
         self._cars_kg = cars_kg
         self._capacity_j = 3600.0 * config.capacity_wh
         self._rates = _Rates(
@@ -76,8 +78,10 @@ class Batteries:
             awake: Cars with computer and lidar on, shape (n_cars,).
             charging: Cars that stand at a charger, shape (n_cars,).
         """
-        lowest = _spend(self.charge, speeds, load_kg, awake, charging, self._rates)
-        self.lowest = min(self.lowest, float(lowest))
+        lowest = float(_spend(self.charge, speeds, load_kg, awake, charging, self._rates))
+        self.lowest = min(self.lowest, lowest)
+        if lowest <= 0.0:
+            self.emptied |= self.charge <= 0.0
 
     def charge_s(self, share: float) -> float:
         """Time at a charger that brings a share of the capacity [s]."""

@@ -55,7 +55,7 @@ def _curve(curve: Curve) -> list[str]:
     if curve.knee is not None:
         knee = next(point for point in curve.points if point.robots == curve.knee)
         said = [
-            f"{curve.allocator}: knee at {curve.knee} cars with {between(knee.throughput_per_h)} deliveries/h; "
+            f"{curve.allocator}: knee at {curve.knee} cars with {between(knee.throughput_per_h)} tasks/h; "
             f"bottleneck there: {knee.bottleneck}."
         ]
     else:
@@ -63,11 +63,11 @@ def _curve(curve: Curve) -> list[str]:
     if best.throughput_per_h.mean > 0.0:
         cars = f"{best.robots} car{'s' if best.robots > 1 else ''}"
         said.append(
-            f"{curve.allocator}: most deliveries with {cars}, {between(best.throughput_per_h)} per hour; "
+            f"{curve.allocator}: most tasks with {cars}, {between(best.throughput_per_h)} per hour; "
             f"bottleneck there: {best.bottleneck}."
         )
     else:
-        said.append(f"{curve.allocator}: nothing was delivered.")
+        said.append(f"{curve.allocator}: nothing was done.")
     stalled = sum(point.n_stalled for point in curve.points)
     if stalled:
         said.append(f"{curve.allocator}: {stalled} run{'s' if stalled > 1 else ''} came to a stand.")

@@ -98,7 +98,7 @@ def _table(findings: Findings) -> str:
     heads = [
         "allocator",
         "cars",
-        "deliveries/h",
+        "tasks/h",
         "difference",
         lateness,
         "waiting [%]",

@@ -196,7 +196,7 @@ def test_without_a_knee_the_page_shows_none(tmp_path: Path) -> None:
 
 def test_runs_in_which_nothing_came_about_say_so() -> None:
     findings = find([row("greedy", 1, throughput_per_h=0.0)], ("greedy",))
-    assert sentences(findings) == ["greedy: nothing was delivered."]
+    assert sentences(findings) == ["greedy: nothing was done."]
     drawn = charts(findings)["throughput"].svg()
     assert ">1</text>" in drawn
     assert "of one seed" in drawn
