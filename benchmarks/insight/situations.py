@@ -263,6 +263,23 @@ SITUATIONS: dict[str, Situation] = {
         holds=lambda simulation, car: simulation.arm_manager.services[0].speed < 1.0 and _bound_for(simulation, car, 0),
         is_root=lambda said: _is_slow_arm(said.root),
     ),
+    "dead arm": Situation(
+        summary="the pick arm stands still while it serves a car, until it is repaired",
+        settings={"site": "cell", "robots": 3, "duration_s": 75.0}
+        | {"events": (_event(7.5, "arm_dead", "arm_0", duration_s=20.0),)},
+        orders=_FIELDS + _deliveries(3),
+        robots=("car_1", "car_2"),
+        holds=lambda simulation, car: (
+            bool(simulation.arm_manager.dead[0])
+            and _stands(simulation, car)
+            and simulation.executor.dependencies.n_granted(car) == 0
+        ),
+        may_hold=lambda simulation, car: bool(simulation.arm_manager.dead[0]),
+        is_root=lambda said: (
+            (said.root.robot, said.root.cause, said.root.detail) == ("arm_0", Cause.FAULT, "dead")
+            and said.release == "arm_0 has to be repaired"
+        ),
+    ),
     "full dock": Situation(
         summary="the parcels on the slots of the drop station are not collected",
         settings={"site": "cell", "robots": 3, "duration_s": 125.0, "collect_after_s": 80.0},

@@ -122,6 +122,7 @@ DETAILS: tuple[str, ...] = tuple(
             "sets_down",
             "pod_loaded",
             "below_arm",
+            "station_closed",
         )
     )
 )

@@ -59,6 +59,7 @@ _IDLE = {
     "not_released": "none is open, {task} will be the next{left}",
     "waits_for_predecessor": "{task} has to wait for a task before it{of_by}",
     "station_full": "{task} has to wait, because {place} takes no more cars at {by}",
+    "station_closed": "{task} has to wait, because {place} is closed{closed_by}",
     "no_way": "it has no way to {task}: {blocked}",
     "unreachable": "nobody has a way to {task}: {blocked}",
     "too_heavy": "{task} is too heavy for it",
@@ -145,6 +146,7 @@ def _idle(link: Link) -> str:
         by=link.by,
         left=_left(link),
         of_by=f", that of {link.by}" if link.by else "",
+        closed_by=f" by {link.by}" if link.by else "",
         blocked=_blocked(link),
     )
 
@@ -154,6 +156,8 @@ def _free(link: Link) -> str:
         return f"a car has to be sent to {link.place}"
     if link.detail in ("no_way", "unreachable"):
         return f"cell {link.cell} has to be cleared" if link.cell else "the site needs a way there"
+    if link.detail == "station_closed":
+        return f"{link.place} has to be opened"
     if link.detail in ("too_heavy", "lacks_capability", "other_car", "no_capable_car"):
         return "a task that it can do has to come"
     if link.detail in ("", "not_released"):

@@ -7,6 +7,7 @@ import numpy.typing as npt
 
 from fleet.insight.causes import DETAIL_OF, NONE, Cause, CauseRows, Column
 from fleet.run.view import RunView
+from fleet.stations.station import Station
 from fleet.tasks.board import DONE_STATES, Task, TaskState
 from fleet.tasks.reasons import CODE_OF_REASON, PAIR_REASONS, PairReason, TaskReason
 
@@ -70,6 +71,12 @@ class WhyIdle:
 
     def _ready(self, rows: CauseRows, cars: npt.NDArray[np.intp], row: CauseRows, task: Task) -> None:
         """A car that is free could begin with the task."""
+        closed = self._closed(task)
+        if closed is not None:
+            row[Column.DETAIL], row[Column.PLACE] = DETAIL_OF["station_closed"], closed.arm
+            row[Column.BY] = self._run.world.n_cars + closed.arm if self._run.arm_manager.dead[closed.arm] else NONE
+            rows[cars] = row
+            return
         reasons = self._run.reasons
         decision, present = reasons.decision(task), reasons.present(task)
         if decision is None:
@@ -87,6 +94,17 @@ class WhyIdle:
         cut_off = cars if present is TaskReason.UNREACHABLE else cars[codes == _NO_WAY]
         for car in cut_off.tolist():
             self._no_way(rows[car], car, task)
+
+    def _closed(self, task: Task) -> Station | None:
+        """A station that a delivery needs and that is closed."""
+        if task.visit is not None:
+            return None
+        stations = self._run.stations
+        picks = task.delivery.picks if task.pick_slot is None else (task.pick,)
+        needed = picks if not any(map(stations.is_open, picks)) else ()
+        shut = (name for name in (*needed, task.delivery.drop) if not stations.is_open(name))
+        name = next(shut, None)
+        return None if name is None else stations.named(name)
 
     def _backlog(self, row: CauseRows, task: Task) -> None:
         """The task waits itself."""

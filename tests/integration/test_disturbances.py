@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from fleet.arrays import FloatArray
-from fleet.config import ArmConfig, Fidelity, RunConfig, ScenarioEvent
+from fleet.config import ArmConfig, BatteryConfig, Fidelity, RunConfig, ScenarioEvent
 from fleet.insight.codebook import UnknownRobot
 from fleet.insight.metrics import Summary
 from fleet.missions.phases import CarPhase
@@ -650,3 +650,37 @@ def test_a_car_that_is_not_there_cannot_be_lost(car: int) -> None:
         with pytest.raises(UnknownRobot, match=f"car is {car}; valid: 0 to 2"):
             simulation.lose_car(car, "test")
         assert not simulation.missions.cars_in(CarPhase.DEAD)
+
+
+def test_the_time_of_a_dead_arm_is_no_work_and_its_station_is_not_busy() -> None:
+    """It counted as at work, and its station as busy, as long as it stood dead over a car."""
+    with made((event(30.0, "arm_dead", "arm_0", duration_s=100.0),), robots=3, duration_s=120.0) as simulation:
+        simulation.run()
+        ticks = simulation.summary().arm_ticks["arm_0"]
+        station = next(station.name for station in simulation.stations if station.arm == 0)
+        busy_s = simulation.summary().stations[station].busy_share * simulation.sim_s
+        assert ticks.fault * simulation.tick_s == pytest.approx(simulation.sim_s - 30.0, abs=0.2)
+        assert sum(vars(ticks).values()) == simulation.now
+        assert busy_s <= 31.0
+
+
+def test_a_car_that_was_taken_out_of_service_is_idle_and_not_in_fault() -> None:
+    summary, _ = run(event(1.0, "car_out", "car_0"), robots=3, tasks=6)
+    ticks = summary.car_ticks["car_0"]
+    assert (ticks.fault, ticks.idle > 0.9 * sum(vars(ticks).values())) == (0, True)
+    assert summary.idle_percent["out"] == pytest.approx(100.0 / 3.0, abs=3.0)
+
+
+def test_cars_that_have_to_stand_still_are_in_fault_and_not_in_traffic() -> None:
+    stop = event(20.0, "emergency_stop", "fleet", duration_s=30.0)
+    stopped, usual = (run(*events, robots=3, tasks=12)[0] for events in ((stop,), ()))
+    fault_s = sum(ticks.fault for ticks in stopped.car_ticks.values()) * 0.05
+    assert 45.0 < fault_s < 90.0, "who is at a dock is served, if not at once"
+    assert sum(ticks.fault for ticks in stopped.arm_ticks.values()) * 0.05 == pytest.approx(4 * 30.0, abs=1.0)
+    assert usual.time_share_percent["fault"] == 0.0
+
+
+def test_a_battery_that_was_empty_once_is_told_when_it_has_been_changed() -> None:
+    events = event(20.0, "battery_empty", "car_0"), event(60.0, "battery_changed", "car_0")
+    summary, _ = run(*events, battery=BatteryConfig(enabled=True), robots=3, tasks=8)
+    assert (summary.cars_stranded, summary.lowest_charge) == (1, 0.0)

@@ -1,4 +1,4 @@
-"""Ten staged waits: the true root is named while it lasts, not before and not after."""
+"""Staged waits: the true root is named while it lasts, not before and not after."""
 
 from pathlib import Path
 

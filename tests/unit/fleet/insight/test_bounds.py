@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from itertools import permutations
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from fleet.config import ArmConfig, Fidelity, RunConfig, StreamConfig
+from fleet.config import ArmConfig, CarConfig, Fidelity, RunConfig, StreamConfig
 from fleet.insight.bounds import (
     HEADWAY_S,
     Bounds,
@@ -20,6 +21,8 @@ from fleet.insight.bounds import (
 )
 from fleet.missions.turns import CHANGE_S
 from fleet.simulation import Simulation
+from maps.site import save_site
+from maps.warehouse import generate_warehouse
 from planners.mapf.distance_table import DistanceTable
 from tests.unit.planners.mapf.lanes import one_way_grid, one_way_loop, open_grid
 
@@ -111,6 +114,21 @@ def test_a_saturated_run_on_the_grid_stays_below_its_bounds(robots: int) -> None
     _, bounds = run(site="cell", robots=robots, fidelity=Fidelity.GRID, stream=stream, duration_s=1200.0)
     assert bounds is not None
     assert 0.8 < bounds.share < 1.0
+
+
+def test_cars_with_several_places_drive_a_way_for_several_parcels(tmp_path: Path) -> None:
+    """130 % of what could be delivered at most was."""
+    floor = tmp_path / "wide.toml"
+    save_site(generate_warehouse(rows=12, cols=16, pick=2, drop=2, parking=6, cell_m=1.25), floor)
+    _, bounds = run(
+        site=str(floor),
+        cars={f"car_{k}": CarConfig(model="husky") for k in range(2)},
+        robots=2,
+        tasks=40,
+        duration_s=900.0,
+    )
+    assert bounds is not None
+    assert 0.5 < bounds.share < 1.0
 
 
 def test_arms_bind_where_cars_abound() -> None:
