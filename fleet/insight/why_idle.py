@@ -38,6 +38,8 @@ class WhyIdle:
         """Fill the rows of idle cars."""
         board = self._run.board
         first = next(filter(None, map(board.first_in, (TaskState.READY, TaskState.BACKLOG, TaskState.ORDERED))), None)
+        if first is not None and first.state is TaskState.READY and self._closed(first):
+            first = next((task for task in board.in_state(TaskState.READY) if not self._closed(task)), first)
         row = np.full(len(Column), NONE, dtype=np.int32)
         row[Column.CAUSE], row[Column.DETAIL] = Cause.NO_TASK, 0
         row[Column.TASK] = NONE if first is None else first.index

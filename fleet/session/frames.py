@@ -74,7 +74,8 @@ _CONGESTION_S = 5.0
 
 
 def words_of_arms(phases: Sequence[ArmPhase], causes: npt.NDArray[np.int32]) -> tuple[str, ...]:
-    """What arms do, in the words of the time accounts: one whose car is on its way is not idle, one that is dead is.
+    """What arms do, in the words of the time accounts: one whose car is on its way is not idle, and one
+    that is dead or has to stand still is in a fault.
 
     Args:
         phases: What each arm is about.
