@@ -227,8 +227,7 @@ class CauseWatch:
         if phase is CarPhase.HELD:
             self._set_held(car)
         elif phase in _AT_DOCK:
-            arm = roster.served.tolist().index(car)
-            self._set(car, Cause.SERVED, by=self._n_cars + arm, place=arm, until=self._clear_tick[arm])
+            self._set_served(car, roster.served.tolist().index(car))
         elif phase is CarPhase.CHARGING:
             place = int(run.bookings.place_of[car])
             self._set(car, Cause.CHARGES, place=place, until=self._charged_tick(car, tick))
@@ -340,8 +339,15 @@ class CauseWatch:
             clear, until = tick + round(clear_s / run.tick_s), tick + round(left_s / run.tick_s)
             self._set(robot, Cause.WORKS, place=arm, until=until, detail=slow)
         self._clear_tick[arm], self._arm_until[arm] = clear, until
-        if served >= 0 and self.rows[served, _CAUSE] == Cause.SERVED:
-            self.rows[served, _UNTIL] = clear
+        if served >= 0 and run.missions.phase[served] in _AT_DOCK:
+            self._set_served(served, arm)
+
+    def _set_served(self, car: int, arm: int) -> None:
+        """A car at a dock whose arm is at work on it, or has to stand still over it."""
+        if self._arm_stopped[arm]:
+            self._set(car, Cause.ARM, by=self._n_cars + arm, place=arm)
+        else:
+            self._set(car, Cause.SERVED, by=self._n_cars + arm, place=arm, until=self._clear_tick[arm])
 
     def _set(
         self,

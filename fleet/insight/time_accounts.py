@@ -32,7 +32,8 @@ class Account(IntEnum):
     TRAFFIC = 2
     """A car that stands on its way; an arm that waits until its sibling is out of the way."""
     QUEUE = 3
-    """Stands before a busy station, or is held back until its station has room, or waits for a charger."""
+    """Stands before a busy station, or below an arm that is dead or told to stand still, or is held back until its
+    station has room, or waits for a charger."""
     SERVED = 4
     """A car at a dock with an arm at work on it; an arm at work."""
     CHARGING = 5
@@ -89,7 +90,7 @@ _ARM_RULES = np.array([_ARM_RULE.get(cause, Account.IDLE) for cause in Cause], d
 _HAS_PLACE = np.array([cause not in NOT_KEPT_BY_PLACE for cause in Cause])
 _ENDS_CHAIN = np.array([cause in WITHOUT_TASK for cause in Cause])
 # Kernels know plain numbers only.
-_PLAN_LATE, _CHARGER, _FAULT = int(Cause.PLAN_LATE), int(Cause.CHARGER), int(Cause.FAULT)
+_PLAN_LATE, _CHARGER, _FAULT, _ARM = map(int, (Cause.PLAN_LATE, Cause.CHARGER, Cause.FAULT, Cause.ARM))
 _TAKEN_OUT = DETAIL_OF["out"]
 _NOT_KNOWN = -2
 _CAUSE, _BY, _CELL, _PLACE, _DETAIL = (
@@ -314,7 +315,7 @@ def _find_accounts(rules: _Rules, tick: _Tick, accounts: Ticks) -> None:
     for car in range(n_cars):
         rule, cause, station = car_rules[phase[car]], causes[car, _CAUSE], place[car]
         if rule >= 0:
-            accounts[car] = rule
+            accounts[car] = 3 if cause == _ARM else rule
         elif rule == _OUT and causes[car, _DETAIL] != _TAKEN_OUT:
             accounts[car] = 6
         elif abs(paces[car]) >= STANDING_MPS:

@@ -662,6 +662,9 @@ def test_the_time_of_a_dead_arm_is_no_work_and_its_station_is_not_busy() -> None
         assert ticks.fault * simulation.tick_s == pytest.approx(simulation.sim_s - 30.0, abs=0.2)
         assert sum(vars(ticks).values()) == simulation.now
         assert busy_s <= 31.0
+        below = int(simulation.missions.served[0])
+        if below >= 0:
+            assert simulation.summary().car_ticks[f"car_{below}"].queue * simulation.tick_s > 80.0
 
 
 def test_a_car_that_was_taken_out_of_service_is_idle_and_not_in_fault() -> None:
