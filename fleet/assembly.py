@@ -204,8 +204,7 @@ def assemble(
         in_use = places.chargers[: config.battery.chargers_n]
         charging = Charging(batteries, in_use, len(stations), missions, ways, admission, log)
     cost_model = CostModel(config.allocation, missions, ways, routes, fitness, charging)
-    per_kind = [len(kind.tray_places) if config.allocation.fill_trays else 1 for kind in scene.cars.kinds]
-    loads = PlannedLoads(missions, np.array(per_kind, dtype=np.int64)[scene.cars.kind_of])
+    loads = PlannedLoads(missions, scene.cars.parcels_at_a_time(fill_trays=config.allocation.fill_trays))
     horizon = RollingHorizon(config.allocation, missions, ways, routes, loads)
     solver = Solver(config.allocation, log)
     visit_queue = VisitQueue(missions, places, ways, reasons)

@@ -118,7 +118,8 @@ def bounds_of(run: RunView, deliveries: IntArray, time_s: float, *, from_start: 
     move_m = run.site.grid.cell_m
     move_s = GRID_MOVE_S if on_grid else move_m / PASS_SPEED_MPS
     driven_s = (loaded + empty - n_saved) * move_s
-    needed_s = driven_s / _places_of(run) + served_s
+    parcels = run.scene.cars.parcels_at_a_time(fill_trays=run.config.allocation.fill_trays)
+    needed_s = driven_s / parcels + served_s
 
     cycle_s = np.maximum(service_s + change_s, stations.least_cycle_s(run.config.collect_after_s))
     visits = deliveries.sum(axis=0) + deliveries.sum(axis=1)
@@ -217,14 +218,6 @@ def lines_of(graph: LaneGraph, cols: int, docks: CellArray, deliveries: IntArray
 def narrowest(lines: Iterable[CrossLine]) -> CrossLine | None:
     """The line that has the fewest lanes for those that cross it; None if nobody has to cross any."""
     return min(lines, key=lambda line: line.n_lanes / line.n_crossings, default=None)
-
-
-def _places_of(run: RunView) -> IntArray:
-    """Parcels that each car carries at a time, shape (n_cars,)."""
-    cars, several = run.scene.cars, run.config.allocation.fill_trays
-    per_kind = np.array([len(kind.tray_places) if several else 1 for kind in cars.kinds], dtype=np.int64)
-    places: IntArray = per_kind[cars.kind_of]
-    return places
 
 
 def _orders_per_h(run: RunView) -> float:

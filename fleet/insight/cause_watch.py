@@ -107,8 +107,6 @@ class CauseWatch:
         self._arm_served = np.full(run.world.n_arms, NONE, dtype=np.int64)
         """The car that each arm served when its row was filled, shape (n_arms,)."""
         self._arm_until = np.full(run.world.n_arms, NONE, dtype=np.int64)
-        self._arm_stopped = run.arm_manager.stopped
-        self._arm_dead = run.arm_manager.dead.copy()
         self._clear_tick = [NONE] * run.world.n_arms
         self._halted_by = np.full(self._n_cars, NONE, dtype=np.int32)
         self._parked = np.zeros(self._n_cars, dtype=np.bool_)
@@ -288,9 +286,6 @@ class CauseWatch:
         services, n_bookings = run.arm_manager.services, run.bookings.n_changes
         anew = (n_changes != self._arm_changes) | ((self._arm_until != NONE) & (self._arm_until <= tick))
         self._arm_changes[:] = n_changes
-        stopped, dead = run.arm_manager.stopped, run.arm_manager.dead
-        anew |= (stopped != self._arm_stopped) | (dead != self._arm_dead)
-        self._arm_stopped, self._arm_dead = stopped, dead.copy()
         if self._gated:
             waits = np.array([service.waits_for for service in services])
             anew |= waits != self._arm_waits
@@ -299,7 +294,7 @@ class CauseWatch:
             # Who is bound for an arm is told of one that is free; one that serves a car is looked at in any case.
             served, changed_at = run.missions.served, run.bookings.changed_at[: len(services)]
             differ = (served >= 0) | (served != self._arm_served) | (changed_at > self._n_arm_bookings)
-            for arm in (differ & ~anew & ~stopped).nonzero()[0].tolist():
+            for arm in (differ & ~anew).nonzero()[0].tolist():
                 anew[arm] = services[arm].state in _FREE
             self._n_arm_bookings = n_bookings
         for arm in anew.nonzero()[0].tolist():
@@ -315,8 +310,8 @@ class CauseWatch:
         self.rows[robot, _TASK] = NONE if task is None else task.index
         self._arm_served[arm] = served
         clear = until = NONE
-        if self._arm_stopped[arm]:
-            detail = DETAIL_OF["dead" if self._arm_dead[arm] else "stopped"]
+        if run.arm_manager.is_stopped(arm):
+            detail = DETAIL_OF["dead" if run.arm_manager.dead[arm] else "stopped"]
             self._set(robot, Cause.FAULT, place=arm, detail=detail)
         elif service.state in _FREE and served >= 0 and run.missions.phase[served] in _AT_DOCK:
             # Between two attempts: it is about to say that the parcel is there, or to plan again.
@@ -344,7 +339,7 @@ class CauseWatch:
 
     def _set_served(self, car: int, arm: int) -> None:
         """A car at a dock whose arm is at work on it, or has to stand still over it."""
-        if self._arm_stopped[arm]:
+        if self._run.arm_manager.is_stopped(arm):
             self._set(car, Cause.ARM, by=self._n_cars + arm, place=arm)
         else:
             self._set(car, Cause.SERVED, by=self._n_cars + arm, place=arm, until=self._clear_tick[arm])

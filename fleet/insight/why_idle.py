@@ -38,8 +38,10 @@ class WhyIdle:
         """Fill the rows of idle cars."""
         board = self._run.board
         first = next(filter(None, map(board.first_in, (TaskState.READY, TaskState.BACKLOG, TaskState.ORDERED))), None)
-        if first is not None and first.state is TaskState.READY and self._closed(first):
-            first = next((task for task in board.in_state(TaskState.READY) if not self._closed(task)), first)
+        closed = self._closed(first) if first is not None and first.state is TaskState.READY else None
+        if closed is not None:
+            other = next((task for task in board.in_state(TaskState.READY) if not self._closed(task)), None)
+            first, closed = (first, closed) if other is None else (other, None)
         row = np.full(len(Column), NONE, dtype=np.int32)
         row[Column.CAUSE], row[Column.DETAIL] = Cause.NO_TASK, 0
         row[Column.TASK] = NONE if first is None else first.index
@@ -48,7 +50,10 @@ class WhyIdle:
         elif first is not None and first.state is TaskState.ORDERED:
             row[Column.DETAIL] = DETAIL_OF[TaskReason.NOT_RELEASED]
             row[Column.UNTIL] = round(first.order.release_s / self._run.tick_s)
-        if first is not None and first.state is TaskState.READY:
+        elif closed is not None:
+            row[Column.DETAIL], row[Column.PLACE] = DETAIL_OF["station_closed"], closed.arm
+            row[Column.BY] = self._run.world.n_cars + closed.arm if self._run.arm_manager.dead[closed.arm] else NONE
+        if first is not None and first.state is TaskState.READY and closed is None:
             self._ready(rows, cars, row, first)
         else:
             rows[cars] = row
@@ -73,12 +78,6 @@ class WhyIdle:
 
     def _ready(self, rows: CauseRows, cars: npt.NDArray[np.intp], row: CauseRows, task: Task) -> None:
         """A car that is free could begin with the task."""
-        closed = self._closed(task)
-        if closed is not None:
-            row[Column.DETAIL], row[Column.PLACE] = DETAIL_OF["station_closed"], closed.arm
-            row[Column.BY] = self._run.world.n_cars + closed.arm if self._run.arm_manager.dead[closed.arm] else NONE
-            rows[cars] = row
-            return
         reasons = self._run.reasons
         decision, present = reasons.decision(task), reasons.present(task)
         if decision is None:

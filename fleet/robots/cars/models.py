@@ -68,6 +68,11 @@ class CarModels:
         number = [0 if kind.lifts else trays.index(_tray(kind)) for kind in self.kinds]
         return np.array(number, dtype=np.int64)[self.kind_of]
 
+    def parcels_at_a_time(self, *, fill_trays: bool) -> IntArray:
+        """How many parcels each car takes: as many as its tray has places, or one, shape (n_cars,)."""
+        per_kind = [len(kind.tray_places) if fill_trays else 1 for kind in self.kinds]
+        return np.array(per_kind, dtype=np.int64)[self.kind_of]
+
     @property
     def _with_trays(self) -> tuple[CarSpec, ...]:
         """The models that carry parcels, or else the usual one."""

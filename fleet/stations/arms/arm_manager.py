@@ -7,7 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
-from fleet.arrays import BoolArray, FloatArray, IntArray
+from fleet.arrays import FloatArray, IntArray
 from fleet.config import ArmConfig
 from fleet.stations.arms.arm_controller import ArmController, ArmPhase
 from fleet.stations.arms.playing.playback import Playback
@@ -188,11 +188,13 @@ class ArmManager:
         """Let arms stand still where they are, until as many calls of `go_on`."""
         for arm in arms:
             self._n_stops[arm] += 1
+            self._playback.n_changes[arm] += 1
 
     def go_on(self, arms: Iterable[int]) -> None:
         """End a `stop`."""
         for arm in arms:
             self._n_stops[arm] -= 1
+            self._playback.n_changes[arm] += 1
 
     def tick(self, tick: int, held: IntArray) -> None:
         """Land the answers that are due and advance every busy arm; fills `q`, `qd` and `grip`."""
@@ -220,14 +222,13 @@ class ArmManager:
                 service.release()
                 self._ask(service.arm, self._planner.submit(HomeRequest(arm=service.arm, q=service.q.copy())), tick)
 
-    @property
-    def stopped(self) -> BoolArray:
-        """Arms that have to stand still, shape (n_arms,)."""
-        return self._n_stops > 0
+    def is_stopped(self, arm: int) -> bool:
+        """Whether an arm has to stand still."""
+        return bool(self._n_stops[arm] > 0)
 
     @property
     def n_changes(self) -> IntArray:
-        """How often the state, step or speed of each arm has changed, shape (n_arms,)."""
+        """How often the state, step or speed of each arm has changed, or it was stopped or let go, shape (n_arms,)."""
         return self._playback.n_changes
 
     def busy_s(self) -> FloatArray:
