@@ -41,9 +41,9 @@ from fleet.missions.visit_routes import VisitRoutes
 from fleet.missions.visits import Visits
 from fleet.missions.ways import Ways
 from fleet.robots.battery import Batteries
-from fleet.robots.tools import TOOLS
 from fleet.run.clock import Clock
 from fleet.run.events import Events
+from fleet.run.orders import orders_of
 from fleet.run.setup import RunSetup
 from fleet.run.view import Knowledge, RunView
 from fleet.stations.arms.arm_cell import arm_cells
@@ -56,17 +56,15 @@ from fleet.stations.stations import Stations
 from fleet.tasks.backlog import Backlog
 from fleet.tasks.board import TaskBoard
 from fleet.tasks.open_deliveries import OpenDeliveries
-from fleet.tasks.order import LIFT, MAX_GENERATED_KG, Ability, Order, ability_of, generate_orders
-from fleet.tasks.order_file import OrderBook, OrderTerms, read_orders
+from fleet.tasks.order import LIFT, Ability, Order, ability_of
+from fleet.tasks.order_file import OrderBook
 from fleet.tasks.reasons import ReasonBook
-from fleet.tasks.stream import stream_orders
 from fleet.traffic.drivers import PASS_SPEED_MPS, Driver, PathDriver, StateDriver
 from fleet.traffic.executor import Executor
 from fleet.traffic.replanning import Traffic
 from fleet.world import make_world
 from fleet.world.grid import GridWorld
 from fleet.world.protocol import World
-from maps.site import Site
 
 Lost = Callable[[int, int], str]
 """Told that an arm has lost a parcel from its grip; returns why, in words."""
@@ -141,7 +139,10 @@ def assemble(
     site, graph, scene = setup.site, setup.graph, setup.scene
     orders_seed, estimate_seed, traffic_seed, askew_seed = np.random.SeedSequence(config.seed).spawn(4)
     abilities = _abilities(config, setup)
-    book = _orders(config, setup, parts, abilities, np.random.default_rng(orders_seed))
+    if parts.orders is not None:
+        book = OrderBook(orders=tuple(parts.orders))
+    else:
+        book = orders_of(config, site, abilities, np.random.default_rng(orders_seed))
 
     # The robots, and the floor they share.
     arm_planner = parts.arm_planner or _arm_planner(config, setup)
@@ -314,51 +315,6 @@ def _abilities(config: RunConfig, setup: RunSetup) -> tuple[Ability, ...]:
         slowness = max(1.0, PASS_SPEED_MPS / model.max_speed_mps)
         found.append(ability_of(car, payload_kg, capabilities, slowness))
     return tuple(found)
-
-
-def _orders(
-    config: RunConfig, setup: RunSetup, parts: Parts, abilities: tuple[Ability, ...], rng: np.random.Generator
-) -> OrderBook:
-    """What is to be done."""
-    if parts.orders is not None:
-        return OrderBook(orders=tuple(parts.orders))
-    site, terms = setup.site, order_terms(config, setup.site, abilities)
-    if config.orders is not None:
-        return read_orders(config.orders, site, abilities, n_chargers=terms.n_chargers, grip_kg=terms.grip_kg)
-    require(
-        terms.grip_kg >= MAX_GENERATED_KG,
-        "--grip-force",
-        config.grip_force_n,
-        f"a force that holds {MAX_GENERATED_KG} kg, the heaviest generated parcel; "
-        f"this one holds {terms.grip_kg:.3g} kg",
-    )
-    payload_kg = max(ability.max_payload_kg for ability in abilities)
-    require(
-        not all(LIFT in ability.capabilities for ability in abilities),
-        "--cars",
-        ", ".join(kind.name for kind in setup.scene.cars.kinds),
-        "a model beside those that carries parcels, or --orders with pods",
-    )
-    require(
-        payload_kg >= MAX_GENERATED_KG,
-        "payload of the cars",
-        payload_kg,
-        f"a car that carries {MAX_GENERATED_KG} kg, the heaviest generated parcel",
-    )
-    if config.stream is not None:
-        return OrderBook(orders=stream_orders(site, config.stream, config.duration_s, config.tasks, rng))
-    return OrderBook(orders=generate_orders(site, config.n_tasks, config.robots, rng))
-
-
-def order_terms(config: RunConfig, site: Site, abilities: Sequence[Ability]) -> OrderTerms:
-    """What orders of a run have to fit."""
-    battery = config.battery
-    return OrderTerms(
-        site=site,
-        abilities=abilities,
-        n_chargers=len(site.chargers[: battery.chargers_n]) if battery.enabled else 0,
-        grip_kg=TOOLS[config.grip].payload_kg(config.grip_force_n),
-    )
 
 
 def _arm_planner(config: RunConfig, setup: RunSetup) -> ArmPlanner:

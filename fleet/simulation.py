@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fleet.arrays import FloatArray
-from fleet.assembly import Parts, assemble, order_terms
+from fleet.assembly import Parts, assemble
 from fleet.config import RunConfig
 from fleet.errors import FleetError
 from fleet.incidents.chaos import draw_chaos
@@ -28,6 +28,7 @@ from fleet.remote.control import RemoteControl
 from fleet.run.clock import Clock
 from fleet.run.ending import Ending
 from fleet.run.events import Event, Events
+from fleet.run.orders import order_terms
 from fleet.run.setup import RunSetup
 from fleet.tasks.batches import Batches
 from fleet.tasks.board import Task, TaskState

@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 
 from benchmarks.harness import Kind, Row, Trial
+from fleet.abstract.fleet import TIMESTEP_S, late_steps, one_per_order
+from fleet.abstract.kernel import NEVER, Stage
 from fleet.charts.statistics import estimate
 from fleet.envs import dispatch_v1
 from fleet.envs.dispatch.env import DispatchEnv
 from fleet.envs.dispatch.scenarios import SCENARIOS
-from fleet.envs.grid.fleet import TIMESTEP_S, late_steps, one_per_order
-from fleet.envs.grid.kernel import NEVER, Stage
 from fleet.envs.policies import POLICIES, Policy, make_policy
 from maps.warehouse import generate_warehouse
 

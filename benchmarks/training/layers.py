@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 
 from benchmarks.harness import Kind, Row, Trial
+from fleet.abstract.fleet import TIMESTEP_S, FleetSite, GridFleet
 from fleet.charts.chart import Series, draw
 from fleet.charts.statistics import Estimate, estimate
 from fleet.envs import dispatch_v1, traffic_v1
 from fleet.envs.dispatch.env import DispatchEnv
-from fleet.envs.grid.fleet import TIMESTEP_S, FleetSite, GridFleet
 from fleet.envs.layers.layer import LayerEnv
 from fleet.envs.layers.order_streams import episode_orders
 from fleet.envs.policies import POLICIES, Policy, make_policy

@@ -22,6 +22,7 @@ from fleet.config import (
     PhysicsConfig,
     RunConfig,
     TrafficConfig,
+    WholeFidelity,
 )
 from fleet.config.member_settings import member_settings
 from fleet.config.scenario_file import read_events
@@ -76,7 +77,7 @@ class Demo:
     """How the arms know where a parcel lies: truth, or camera, which needs --fidelity physics or mixed."""
     askew: bool = False
     """Parcels are put on the racks beside the middle of their slot and turned."""
-    fidelity: Fidelity = Fidelity.PHYSICS
+    fidelity: WholeFidelity = Fidelity.PHYSICS
     """How robots are moved."""
     workers: int = 1
     """Processes that share the physics of more than 60 cars; the run is the same with any number."""

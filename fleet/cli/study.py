@@ -16,7 +16,7 @@ from rich.table import Table
 
 from fleet.cli.arguments import require_solver, require_with
 from fleet.cli.run_output import PLAIN_WIDTH, plain_console
-from fleet.config import Fidelity, StreamConfig, StreamKind, require
+from fleet.config import Fidelity, StreamConfig, StreamKind, TrafficConfig, require
 from fleet.config.member_settings import file_settings, member_settings
 from fleet.outputs import require_folder
 from fleet.study.design import ORDERS_PER_CAR_H, Design, parse_names, parse_range
@@ -64,8 +64,8 @@ class Study:
     """Number of seeds; each has its own orders, the same for all fleets. Intervals need two or more."""
     site: str = "medium"
     """Name of a shipped site (see `site list`) or path of a site file."""
-    fidelity: Literal["mixed", "kinematic", "grid"] = "kinematic"
-    """How robots are moved."""
+    fidelity: Literal["mixed", "kinematic", "grid", "abstract"] = "kinematic"
+    """How robots are moved; abstract, without arms and poses, is a hundred times as fast, for a first look."""
     duration: float = 1200.0
     """Simulated time of each run [s]."""
     stream: str | None = None
@@ -77,7 +77,13 @@ class Study:
     """File of orders in place of a stream, as in the demo."""
     battery: bool = False
     """Cars have batteries and go to charge."""
-    planner: Annotated[str, tyro.conf.arg(help=f"Path planner of the fleet: {PLANNERS.valid}.")] = DEFAULT_PLANNER
+    planner: Annotated[
+        str | None,
+        tyro.conf.arg(
+            help=f"Path planner of the fleet: {PLANNERS.valid}. Default {DEFAULT_PLANNER}; pibt, the only one, with "
+            "--fidelity abstract."
+        ),
+    ] = None
     planner_setting: tuple[str, ...] = ()
     """A setting of the path planner, as name=value; once for each setting. A name that does not exist is answered with
     those that do."""
@@ -112,19 +118,21 @@ class Study:
         allocators = parse_names(self.allocators, "--allocators")
         for allocator in allocators:
             require_solver("--allocators", allocator)
+        fidelity = Fidelity(self.fidelity)
+        planner = self.planner or TrafficConfig.usual(fidelity).planner
         design = Design(
             allocators=allocators,
             robots=robots,
             seeds=tuple(range(self.seeds)),
             site=self.site,
-            fidelity=Fidelity(self.fidelity),
+            fidelity=fidelity,
             duration_s=self.duration,
             stream=StreamConfig(
                 kind=StreamKind(self.stream or StreamKind.POISSON), rate_per_h=self._rate_per_h(robots)
             ),
             orders=self.orders,
-            planner=self.planner,
-            planner_settings=member_settings(self.settings, "planner", self.planner, self.planner_setting),
+            planner=planner,
+            planner_settings=member_settings(self.settings, "planner", planner, self.planner_setting),
             allocator_settings={
                 name: told for name, told in file_settings(self.settings, "allocator").items() if name in allocators
             },

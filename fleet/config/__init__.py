@@ -9,11 +9,13 @@ from fleet.config.cars import CarConfig as CarConfig
 from fleet.config.cars import EstimateConfig as EstimateConfig
 from fleet.config.changes import CHANGEABLE as CHANGEABLE
 from fleet.config.changes import SettingChange as SettingChange
+from fleet.config.choices import WHOLE as WHOLE
 from fleet.config.choices import Connect as Connect
 from fleet.config.choices import Fidelity as Fidelity
 from fleet.config.choices import Grip as Grip
 from fleet.config.choices import Perception as Perception
 from fleet.config.choices import StreamKind as StreamKind
+from fleet.config.choices import WholeFidelity as WholeFidelity
 from fleet.config.events import EVENT_KINDS as EVENT_KINDS
 from fleet.config.events import ScenarioEvent as ScenarioEvent
 from fleet.config.physics import PhysicsConfig as PhysicsConfig

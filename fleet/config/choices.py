@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from enum import StrEnum
+from typing import Literal, get_args
 
 
 class Fidelity(StrEnum):
@@ -13,11 +14,19 @@ class Fidelity(StrEnum):
     """Physics where arms work, kinematic elsewhere."""
     KINEMATIC = "kinematic"
     GRID = "grid"
+    """Cars step from cell to cell; arms move as they do without physics."""
+    ABSTRACT = "abstract"
+    """The same cars in timesteps of a second, and arms that are nothing but the time that they take."""
 
     @property
     def has_contact(self) -> bool:
         """Whether arms and parcels have bodies, mass and contact."""
         return self in (Fidelity.PHYSICS, Fidelity.MIXED)
+
+
+WholeFidelity = Literal[Fidelity.PHYSICS, Fidelity.MIXED, Fidelity.KINEMATIC, Fidelity.GRID]
+"""Those of whole runs, in which robots have places, causes and events."""
+WHOLE: tuple[Fidelity, ...] = get_args(WholeFidelity)
 
 
 class Grip(StrEnum):

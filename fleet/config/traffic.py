@@ -6,11 +6,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from fleet.config.choices import Fidelity
 from fleet.config.settings import Settings, SettingValue, not_negative, positive, require
 from planners.mapf import DEFAULT_PLANNER, planner_named
 
 if TYPE_CHECKING:
     from planners.mapf.planner import MapfPlanner
+
+ABSTRACT_PLANNER = "pibt"
+"""Who decides the moves of abstract runs, timestep by timestep."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,6 +51,11 @@ class TrafficConfig(Settings):
         require(commit_ok, "traffic.commit_moves_n", self.commit_moves_n, "an integer >= 0")
         require(self.grant_moves_n >= 1, "traffic.grant_moves_n", self.grant_moves_n, "an integer >= 1")
         require(self.reorder_after_s > 0, "traffic.reorder_after_s", self.reorder_after_s, "a number > 0, or inf")
+
+    @classmethod
+    def usual(cls, fidelity: Fidelity) -> TrafficConfig:
+        """What runs of a fidelity have unless told otherwise: abstract ones know one planner alone."""
+        return cls(planner=ABSTRACT_PLANNER) if fidelity is Fidelity.ABSTRACT else cls()
 
     def make_planner(self, seed: int) -> MapfPlanner:
         """The planner that is named, with its settings.

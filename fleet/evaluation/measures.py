@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from fleet.envs.grid.fleet import TIMESTEP_S, late_steps, one_per_order
-from fleet.envs.grid.kernel import NEVER
+from fleet.abstract.fleet import TIMESTEP_S, late_steps, one_per_order
+from fleet.abstract.kernel import NEVER
 from fleet.tasks.board import DONE_STATES
 
 

@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from fleet.abstract.fleet import FleetSite
 from fleet.dispatch.allocation import Choice
 from fleet.dispatch.situation import Situation
 from fleet.envs.dispatch.env import DispatchConfig, DispatchEnv
 from fleet.envs.dispatch.simulation import AgentAllocation, SimulatedDispatch
-from fleet.envs.grid.fleet import FleetSite
 from fleet.envs.policies import make_policy
 from fleet.play.policies import PlayedPolicy
 from fleet.simulation import Simulation

@@ -7,8 +7,8 @@ from typing import Any, cast
 
 import numpy as np
 
-from fleet.envs.grid.fleet import TIMESTEP_S
-from fleet.envs.grid.kernel import NONE
+from fleet.abstract.fleet import TIMESTEP_S
+from fleet.abstract.kernel import NONE
 from fleet.envs.policies import make_policy
 from fleet.envs.traffic.env import TrafficEnv, TrafficEnvConfig
 from fleet.envs.traffic.simulation import AgentTraffic, SimulatedTraffic, TrafficSimulation

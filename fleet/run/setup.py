@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from fleet.config import Connect, Fidelity, Perception, RunConfig, require
+from fleet.config import WHOLE, Connect, Fidelity, Perception, RunConfig, require
 from fleet.robots.cars.models import CarModels
 from fleet.run.lanes import lanes_for
 from fleet.run.starts import require_room, start_states
@@ -41,6 +41,7 @@ class RunSetup:
             ConfigError: The site has no room for that many robots, there is no such model, or its body fits no lanes.
             SiteError: The site cannot be read.
         """
+        require(config.fidelity in WHOLE, "--fidelity", str(config.fidelity), ", ".join(WHOLE))
         site = load_site(config.site)
         require_room(config.robots, site)
         models = CarModels.named(config.models)

@@ -13,8 +13,11 @@ from pathlib import Path
 
 import numpy as np
 
-from fleet.config import ArmConfig, Fidelity, PhysicsConfig, RunConfig
+from fleet.abstract.run import AbstractRun
+from fleet.arrays import FloatArray
+from fleet.config import ArmConfig, Fidelity, PhysicsConfig, RunConfig, TrafficConfig
 from fleet.errors import FleetError
+from fleet.insight.time_accounts import CarTime
 from fleet.run.memory import settled
 from fleet.scale.floors import floor_for
 from fleet.simulation import Simulation
@@ -150,9 +153,12 @@ def measure_cell(
         tasks=2 * n_cars + 300,  # some are left when a small fleet has run its time
         duration_s=most_sim_s,
         fidelity=fidelity,
+        traffic=TrafficConfig.usual(fidelity),
         arms=ArmConfig(workers_n=0),
         physics=PhysicsConfig(workers_n=n_workers),
     )
+    if fidelity is Fidelity.ABSTRACT:
+        return _abstract_cell(config, begin, until)
     with Simulation(config) as simulation, settled():
         world = simulation.world
         while not world.car_speeds().any() and time.time() < until:
@@ -165,20 +171,51 @@ def measure_cell(
             simulation.tick()
         wall_s, cpu_s, sim_s = time.perf_counter() - warm, time.process_time() - warm_cpu, simulation.sim_s
         done_s = [task.done_s or 0.0 for task in simulation.board.in_state(*DONE_STATES)]
-        late = int((np.array(done_s) > sim_s / 2).sum())
-        spent = simulation.metrics.time_accounts.fleet_time()
-        at_work = spent.driving_loaded + spent.driving_empty + spent.served
         contacts = world.contacts()
         return CellFigures(
             real_time_factor=(sim_s - warm_sim_s) / wall_s if sim_s - warm_sim_s >= LEAST_SIM_S else None,
             memory_mb=peak_memory_mb(),
-            tasks_per_h=late * 3600.0 / (sim_s / 2) if sim_s >= LEAST_TASKS_SIM_S else None,
-            at_work_share=at_work / max(sum(vars(spent).values()), 1),
+            tasks_per_h=_late_per_h(np.array(done_s), sim_s),
+            at_work_share=_at_work(simulation.metrics.time_accounts.fleet_time()),
             contacts=contacts.robot + contacts.static,
             first_move_s=first_move_s,
             sim_s=sim_s,
             core_share=cpu_s / max(wall_s, 1e-9),
         )
+
+
+def _abstract_cell(config: RunConfig, begin: float, until: float) -> CellFigures:
+    """The same of an abstract run; its cars do not touch, as one timestep leads to the next."""
+    run = AbstractRun(config)
+    run.step()
+    first_move_s = time.perf_counter() - begin
+    while run.sim_s < WARM_UP_S and time.time() < until:
+        run.step()
+    warm_sim_s, warm, warm_cpu = run.sim_s, time.perf_counter(), time.process_time()
+    while run.sim_s < config.duration_s and not run.done and not run.stalled and time.time() < until:
+        run.step()
+    wall_s, cpu_s, sim_s = time.perf_counter() - warm, time.process_time() - warm_cpu, run.sim_s
+    return CellFigures(
+        real_time_factor=(sim_s - warm_sim_s) / wall_s if sim_s - warm_sim_s >= LEAST_SIM_S else None,
+        memory_mb=peak_memory_mb(),
+        tasks_per_h=_late_per_h(run.told().done_s, sim_s),
+        at_work_share=_at_work(run.accounts.car_time()),
+        contacts=0,
+        first_move_s=first_move_s,
+        sim_s=sim_s,
+        core_share=cpu_s / max(wall_s, 1e-9),
+    )
+
+
+def _late_per_h(done_s: FloatArray, sim_s: float) -> float | None:
+    """Tasks done in the second half of a run, by the hour; None if it was too short."""
+    late = int(((done_s > sim_s / 2) & np.isfinite(done_s)).sum())
+    return late * 3600.0 / (sim_s / 2) if sim_s >= LEAST_TASKS_SIM_S else None
+
+
+def _at_work(spent: CarTime) -> float:
+    """Share of their time in which cars drove or were served."""
+    return (spent.driving_loaded + spent.driving_empty + spent.served) / max(sum(vars(spent).values()), 1)
 
 
 def peak_memory_mb() -> float:

@@ -8,7 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from fleet.config import ArmConfig, Fidelity, RunConfig, StreamConfig, require
+from fleet.abstract.fleet import one_per_order
+from fleet.abstract.kernel import Phase
+from fleet.abstract.run import AbstractRun
+from fleet.config import ArmConfig, Fidelity, RunConfig, StreamConfig, TrafficConfig, require
 from fleet.simulation import Simulation
 from fleet.study.measurement import run_whole_time
 from fleet.tasks.board import DONE_STATES, Task, TaskState
@@ -60,6 +63,7 @@ class GapDesign:
             seed=seed,
             duration_s=self.duration_s,
             fidelity=fidelity,
+            traffic=TrafficConfig.usual(fidelity),
             # The runs share the cores already.
             arms=ArmConfig(workers_n=0),
         )
@@ -95,8 +99,13 @@ class GapRow:
 
 def measure_run(config: RunConfig) -> GapRow:
     """Run for the whole time; see `run_whole_time`."""
+    docks = _Docks()
+    if config.fidelity is Fidelity.ABSTRACT:
+        run = AbstractRun(config)
+        watch = _DockWatch(run, docks)
+        run.run_whole_time(watch.look)
+        return _abstract_row(run, docks)
     with Simulation(config) as simulation:
-        docks = _Docks()
         simulation.board.subscribe(docks.moved)
         run_whole_time(simulation)
         return _row(config, simulation, docks)
@@ -146,6 +155,62 @@ def _row(config: RunConfig, simulation: Simulation, docks: _Docks) -> GapRow:
         slip_max_m=simulation.summary().slip_max_m,
         stalled=simulation.stalled and not simulation.board.finished,
         state_hash=simulation.state_hash(),
+        arrivals_s=docks.arrivals_s,
+    )
+
+
+class _DockWatch:
+    """Looks, timestep by timestep, which cars of an abstract run have come to docks and which have been served.
+
+    Args:
+        run: The run.
+        docks: Receives what is seen.
+    """
+
+    def __init__(self, run: AbstractRun, docks: _Docks) -> None:
+        self._docks = docks
+        self._phase = run.fleet.cars.phase.copy()
+        self._task = run.fleet.cars.task.copy()
+        self._since_s = np.zeros(len(self._phase))
+        counts = one_per_order(run.fleet.tasks)
+        self._order_of = np.cumsum(run.fleet.tasks.order == np.arange(len(counts))) - 1
+
+    def look(self, run: AbstractRun) -> None:
+        """Take in a timestep."""
+        phase = run.fleet.cars.phase
+        for car in np.flatnonzero(phase != self._phase).tolist():
+            before, now, took_s = int(self._phase[car]), int(phase[car]), run.sim_s - self._since_s[car]
+            order = run.orders[self._order_of[run.fleet.cars.task[car]]]
+            if now == Phase.LOADING:
+                self._docks.arrivals_s[f"{order.name} pick"] = round(run.sim_s - order.release_s, 3)
+            elif now == Phase.UNLOADING:
+                self._docks.arrivals_s[f"{order.name} drop"] = round(run.sim_s - order.release_s, 3)
+                self._docks.drives_s.append(took_s)
+            if before in (Phase.LOADING, Phase.UNLOADING):
+                self._docks.services_s.append(took_s)
+            self._since_s[car] = run.sim_s
+        self._phase[:] = phase
+
+
+def _abstract_row(run: AbstractRun, docks: _Docks) -> GapRow:
+    config, told, spent = run.config, run.told(), run.accounts.car_time()
+    done = np.isfinite(told.done_s)
+    waited = spent.traffic + spent.queue + spent.plan_late
+    return GapRow(
+        fidelity=config.fidelity.value,
+        seed=config.seed,
+        tasks_done=int(done.sum()),
+        tasks_failed=0,
+        throughput_per_h=round(int(done.sum()) * 3600.0 / config.duration_s, 3),
+        task_time_s=_mean((told.done_s - told.release_s)[done].tolist()),
+        drive_s=_mean(docks.drives_s),
+        service_s=_mean(docks.services_s),
+        waiting_share=round(waited / max(sum(vars(spent).values()), 1), 5),
+        robot_contacts=0,
+        static_contacts=0,
+        slip_max_m=None,
+        stalled=run.stalled,
+        state_hash=run.state_hash(),
         arrivals_s=docks.arrivals_s,
     )
 

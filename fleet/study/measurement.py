@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from fleet.config import RunConfig
+from fleet.abstract.run import AbstractRun
+from fleet.config import Fidelity, RunConfig
 from fleet.insight.bounds import bounds_of, deliveries_of
 from fleet.insight.metrics import lateness_s, mean_tardiness_s, on_time_share, task_times_s
 from fleet.simulation import Simulation
@@ -14,6 +15,10 @@ from fleet.tasks.board import DONE_STATES, TaskState
 
 def measure(config: RunConfig) -> Row:
     """Run for the whole time; see `run_whole_time`."""
+    if config.fidelity is Fidelity.ABSTRACT:
+        run = AbstractRun(config)
+        run.run_whole_time()
+        return _abstract_row(run)
     with Simulation(config) as simulation:
         run_whole_time(simulation)
         return _row(config, simulation)
@@ -62,4 +67,36 @@ def _row(config: RunConfig, simulation: Simulation) -> Row:
         bound_orders_per_h=None if bounds is None else bounds.orders_per_h,
         stalled=simulation.stalled and not simulation.board.finished,
         state_hash=simulation.state_hash(),
+    )
+
+
+def _abstract_row(run: AbstractRun) -> Row:
+    """The same of an abstract run; bounds are told of whole runs alone."""
+    config, steps, told = run.config, max(run.accounts.n_steps, 1), run.told()
+    done = np.isfinite(told.done_s)
+    times = told.done_s[done] - told.release_s[done]
+    ended = np.where(done, told.done_s, np.maximum(config.duration_s, told.due_s))
+    late_s = (ended - told.due_s)[np.isfinite(told.due_s) & (done | (told.due_s < config.duration_s))].tolist()
+    cars = {name: round(spent / (steps * config.robots), 4) for name, spent in vars(run.accounts.car_time()).items()}
+    shares = zip(run.fleet.place.site.stations, run.accounts.station_shares(), strict=True)
+    return Row(
+        allocator=config.allocation.allocator,
+        robots=config.robots,
+        seed=config.seed,
+        released=len(done),
+        done=len(times),
+        failed=0,
+        throughput_per_h=round(len(times) * 3600.0 / config.duration_s, 2),
+        task_time_s=round(float(np.mean(times)), 2) if len(times) else None,
+        task_time_p95_s=round(float(np.percentile(times, 95)), 2) if len(times) else None,
+        tardiness_s=mean_tardiness_s(late_s),
+        on_time_share=on_time_share(late_s),
+        **cars,
+        stations=" ".join(f"{station.name}={share.busy:.4f}/{share.contended:.4f}" for station, share in shares),
+        bound_cars_per_h=None,
+        bound_arms_per_h=None,
+        bound_lanes_per_h=None,
+        bound_orders_per_h=None,
+        stalled=run.stalled,
+        state_hash=run.state_hash(),
     )

@@ -1,6 +1,6 @@
 """The fleet on the grid lives by the life cycle of runs: what its kernels do to tasks and cars is legal there too.
 
-The kernels of `fleet.envs.grid.kernel` write the rules of a run again, for speed. Here every call of theirs in long
+The kernels of `fleet.abstract.kernel` write the rules of a run again, for speed. Here every call of theirs in long
 random runs is held against the tables of the rules that they copy.
 """
 
@@ -15,11 +15,11 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
+from fleet.abstract import fleet as grid_fleet
+from fleet.abstract import kernel
+from fleet.abstract.fleet import FleetSite, GridFleet
+from fleet.abstract.kernel import NO_BATTERY, NO_FAULTS, NONE, Battery, Faults, Phase, Stage
 from fleet.config import AllocationConfig, StreamConfig
-from fleet.envs.grid import fleet as grid_fleet
-from fleet.envs.grid import kernel
-from fleet.envs.grid.fleet import FleetSite, GridFleet
-from fleet.envs.grid.kernel import NO_BATTERY, NO_FAULTS, NONE, Battery, Faults, Phase, Stage
 from fleet.envs.layers.order_streams import episode_orders
 from fleet.missions.admission import NEAR_MOVES
 from fleet.missions.phases import STATES_IN, CarPhase

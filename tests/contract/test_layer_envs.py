@@ -14,12 +14,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from fleet.abstract.kernel import NEVER
 from fleet.config import StreamConfig
 from fleet.envs import dispatch_v1, traffic_v1
 from fleet.envs.core.base import ActionError, EnvState, EpisodeError, StateError
 from fleet.envs.dispatch.env import TERMS as DISPATCH_TERMS
 from fleet.envs.dispatch.env import DispatchWeights
-from fleet.envs.grid.kernel import NEVER
 from fleet.envs.layers.layer import LayerEnv
 from fleet.envs.policies import POLICIES, make_policy
 from fleet.envs.traffic.env import TERMS as TRAFFIC_TERMS

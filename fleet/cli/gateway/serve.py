@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from fleet.cli.gateway.connection import Connection
 from fleet.cli.run_output import ALL_DONE, INTERRUPTED, plain_console, show_run
-from fleet.config import Fidelity, RunConfig, require
+from fleet.config import Fidelity, RunConfig, WholeFidelity, require
 from fleet.config.scenario_file import read_events
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ class Serve(Connection):
     """Seed of everything random."""
     events: Path | None = None
     """TOML file of disturbances, as for the demo."""
-    fidelity: Fidelity = Fidelity.PHYSICS
+    fidelity: WholeFidelity = Fidelity.PHYSICS
     """How robots are moved."""
     duration: float = 3600.0
     """End after this much simulated time; Ctrl-C ends a run, too [s]."""

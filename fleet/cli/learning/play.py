@@ -21,7 +21,7 @@ from fleet.cli.run_output import (
     show_missing,
     show_recording,
 )
-from fleet.config import Connect, Fidelity, RunConfig, require
+from fleet.config import Connect, Fidelity, RunConfig, WholeFidelity, require
 from fleet.errors import ConfigError
 from fleet.terminal.interrupts import interrupts
 from fleet.terminal.progress_bar import Bar
@@ -68,7 +68,7 @@ class Play:
     """Seed of everything random; the same seed gives the same run."""
     duration: float = 3600.0
     """End after this much simulated time even if tasks are open [s]."""
-    fidelity: Fidelity | None = None
+    fidelity: WholeFidelity | None = None
     """How robots are moved; default physics, or that of the training."""
     episodes: int = 1
     """Episodes of the environment, with seeds from --seed on."""

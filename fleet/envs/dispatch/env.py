@@ -50,7 +50,7 @@ the share of the chargers that nobody has. The first car begins full, the last o
 Rewards: the sum of the terms in `DispatchWeights`; `infos[agent]` holds each weighted term. `state()` is all cars'
 numbers, one after the other.
 
-Fidelity: `grid` is `fleet.envs.grid.fleet`, thousands of times faster than real time; `kinematic` and `physics` run
+Fidelity: `grid` is `fleet.abstract.fleet`, thousands of times faster than real time; `kinematic` and `physics` run
 the whole fleet. Spaces, orders and rules are the same.
 """
 
@@ -62,6 +62,8 @@ from typing import Any, ClassVar
 import numpy as np
 import numpy.typing as npt
 
+from fleet.abstract.fleet import TIMESTEP_S
+from fleet.abstract.kernel import NO_BATTERY, NONE, Battery, Faults
 from fleet.arrays import FloatArray
 from fleet.config import Fidelity, require
 from fleet.config.field_checks import is_number, is_whole
@@ -70,8 +72,6 @@ from fleet.envs.core.choices import resolve_choices
 from fleet.envs.core.weights import check_weights
 from fleet.envs.dispatch.fleets import DispatchFleet, GridDispatch
 from fleet.envs.dispatch.view import DispatchObserver, DispatchView
-from fleet.envs.grid.fleet import TIMESTEP_S
-from fleet.envs.grid.kernel import NO_BATTERY, NONE, Battery, Faults
 from fleet.envs.layers.layer import Bools, Int64Array, LayerEnv
 from fleet.envs.layers.layer_config import LayerConfig
 from fleet.envs.layers.sites import place_of

@@ -7,10 +7,10 @@ from typing import Protocol
 
 import numpy as np
 
+from fleet.abstract.fleet import TIMESTEP_S, FleetSite, GridFleet
+from fleet.abstract.kernel import ENOUGH, NEVER, NO_BATTERY, NO_FAULTS, NONE, TO_DROP, Battery, Faults, Phase, Stage
 from fleet.envs.dispatch.outlook import Jobs, Outlook
 from fleet.envs.dispatch.view import DispatchView
-from fleet.envs.grid.fleet import TIMESTEP_S, FleetSite, GridFleet
-from fleet.envs.grid.kernel import ENOUGH, NEVER, NO_BATTERY, NO_FAULTS, NONE, TO_DROP, Battery, Faults, Phase, Stage
 from fleet.envs.layers.fleets import Fleet, FleetOnGrid
 from fleet.tasks.order import Delivery
 

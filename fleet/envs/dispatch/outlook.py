@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from fleet.envs.grid.kernel import FREE, LOADING, NEVER, NONE, TO_DROP, TO_PICK, UNLOADING, Floor, Ints, SmallInts
+from fleet.abstract.kernel import FREE, LOADING, NEVER, NONE, TO_DROP, TO_PICK, UNLOADING, Floor, Ints, SmallInts
 from planners.allocation.apparent_tardiness import FAR_OFF
 from planners.allocation.costs import LOOK_AHEAD
 
@@ -45,7 +45,7 @@ class Outlook(NamedTuple):
     state: Ints
     """Lane-graph state of each car, shape (n,)."""
     phase: SmallInts
-    """`fleet.envs.grid.kernel.Phase` of each car, shape (n,)."""
+    """`fleet.abstract.kernel.Phase` of each car, shape (n,)."""
     left: Ints
     """Timesteps of service that are left, or until the car goes on, shape (n,)."""
     job: Ints

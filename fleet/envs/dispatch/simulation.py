@@ -7,14 +7,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from fleet.abstract.fleet import TIMESTEP_S, FleetSite
+from fleet.abstract.kernel import NEVER, NONE
 from fleet.assembly import Parts
 from fleet.config import ArmConfig, Fidelity, RunConfig, TrafficConfig
 from fleet.dispatch.allocation import Choice, TaskAllocation
 from fleet.dispatch.situation import CAN_TAKE, Situation
 from fleet.envs.dispatch.outlook import Jobs, Outlook
 from fleet.envs.dispatch.view import DispatchView
-from fleet.envs.grid.fleet import TIMESTEP_S, FleetSite
-from fleet.envs.grid.kernel import NEVER, NONE
 from fleet.envs.layers.simulated_fleet import SimulatedFleet
 from fleet.missions.phases import NUMBER_OF_PHASE, CarPhase
 from fleet.simulation import Simulation

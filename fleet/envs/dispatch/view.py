@@ -8,11 +8,11 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from fleet.abstract.compiled import allocating
+from fleet.abstract.fleet import STATION_ROOM, TIMESTEP_S, FleetSite
+from fleet.abstract.kernel import NONE, TO_DROP, UNLOADING, Bools, Floor, Ints, SmallInts
 from fleet.arrays import FloatArray
 from fleet.config import AllocationConfig
-from fleet.envs.grid.compiled import allocating
-from fleet.envs.grid.fleet import STATION_ROOM, TIMESTEP_S, FleetSite
-from fleet.envs.grid.kernel import NONE, TO_DROP, UNLOADING, Bools, Floor, Ints, SmallInts
 from planners.allocation.costs import CostWeights, task_costs
 from planners.mapf.distance_table import UNREACHABLE
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import copy
 from typing import Any, Protocol, Self
 
+from fleet.abstract.fleet import GridFleet
+from fleet.abstract.kernel import Counts
 from fleet.arrays import FloatArray
-from fleet.envs.grid.fleet import GridFleet
-from fleet.envs.grid.kernel import Counts
 
 
 class Fleet(Protocol):

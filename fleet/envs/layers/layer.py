@@ -11,13 +11,13 @@ import numpy as np
 import numpy.typing as npt
 from gymnasium.spaces import Box, Dict, Discrete
 
+from fleet.abstract.fleet import TIMESTEP_S, FleetSite
+from fleet.abstract.kernel import Counts, Ints, Phase, SmallInts
 from fleet.arrays import FloatArray
 from fleet.envs.core.base import EpisodeError, FleetEnv, Infos, Picture
 from fleet.envs.core.choices import whole_numbers
 from fleet.envs.core.episode_pictures import EpisodePictures
 from fleet.envs.core.floor_drawing import FloorDrawing
-from fleet.envs.grid.fleet import TIMESTEP_S, FleetSite
-from fleet.envs.grid.kernel import Counts, Ints, Phase, SmallInts
 from fleet.envs.layers.fleets import Fleet
 from fleet.envs.layers.layer_config import LayerConfig
 from fleet.envs.layers.order_streams import episode_orders

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from fleet.config import Fidelity, StreamConfig, require
+from fleet.config import WHOLE, Fidelity, StreamConfig, require
 from fleet.config.field_checks import is_number, is_whole
 from fleet.envs.core.env_config import RecordedEnvConfig
 from fleet.envs.layers.order_streams import stream_of
@@ -37,7 +37,7 @@ class LayerConfig(RecordedEnvConfig):
     Poisson stream with due dates."""
 
     def __post_init__(self) -> None:
-        require(self.fidelity in list(Fidelity), "fidelity", self.fidelity, ", ".join(Fidelity))
+        require(self.fidelity in WHOLE, "fidelity", self.fidelity, ", ".join(WHOLE))
         site, on_grid = self.site, self.fidelity == Fidelity.GRID
         valid = (
             "a name, a path or a Site" if on_grid else "a name or a path; maps.site.save_site writes a file of a Site"

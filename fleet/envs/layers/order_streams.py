@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from fleet.abstract.fleet import TIMESTEP_S, FleetSite
 from fleet.config import RATES_PER_H, StreamConfig, require
-from fleet.envs.grid.fleet import TIMESTEP_S, FleetSite
 from fleet.tasks.order import Delivery
 from fleet.tasks.stream import stream_orders
 

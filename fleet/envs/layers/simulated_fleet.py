@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from fleet.abstract.fleet import TIMESTEP_S
+from fleet.abstract.kernel import Counts, Phase
 from fleet.arrays import FloatArray
-from fleet.envs.grid.fleet import TIMESTEP_S
-from fleet.envs.grid.kernel import Counts, Phase
 from fleet.missions.phases import NUMBER_OF_PHASE, CarPhase
 from fleet.run.events import Event
 from fleet.simulation import Simulation

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 from pathlib import Path
 
-from fleet.envs.grid.fleet import FleetSite
+from fleet.abstract.fleet import FleetSite
 from maps.site import Site, load_site, site_names
 
 

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from fleet.abstract.kernel import NONE
 from fleet.arrays import FloatArray
 from fleet.envs.dispatch.env import DispatchEnv
 from fleet.envs.dispatch.view import N_OWN, N_PER_CANDIDATE, TIME_S, DispatchObserver, DispatchView
-from fleet.envs.grid.kernel import NONE
 from planners.allocation import allocator_named
 from planners.allocation.apparent_tardiness import tardiness_index
 from planners.allocation.costs import LOOK_AHEAD

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from fleet.abstract.fleet import STATION_ROOM, TIMESTEP_S
+from fleet.abstract.kernel import NEVER, NONE, TO_PICK, Ints
 from fleet.arrays import FloatArray
 from fleet.config import require
 from fleet.config.field_checks import is_number, is_whole
 from fleet.envs.dispatch.env import DispatchEnv
 from fleet.envs.dispatch.outlook import Jobs, Outlook, Rule, score_choices
-from fleet.envs.grid.fleet import STATION_ROOM, TIMESTEP_S
-from fleet.envs.grid.kernel import NEVER, NONE, TO_PICK, Ints
 from fleet.envs.layers.order_streams import episode_orders, mean_cycle_s
 from fleet.envs.policies.dispatch import Allocated, apparent_tardiness
 from fleet.tasks.order import Delivery

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from fleet.envs.grid.kernel import NONE
+from fleet.abstract.kernel import NONE
 from fleet.envs.traffic.env import TrafficEnv
 from planners.mapf import planner_named
 from planners.mapf.distance_table import DistanceTable

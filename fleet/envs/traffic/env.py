@@ -48,7 +48,7 @@ Rewards: the sum of the terms in `TrafficWeights`; `infos[agent]` holds each wei
 numbers, one after the other. Of an episode, `n_delivered`, `n_waits` (wishes to move that came to nothing) and
 `jammed` (nothing was delivered in the last 100 s) are told by the environment.
 
-Fidelity: `grid` is `fleet.envs.grid.fleet`, thousands of times faster than real time; `kinematic` and `physics` run
+Fidelity: `grid` is `fleet.abstract.fleet`, thousands of times faster than real time; `kinematic` and `physics` run
 the whole fleet, whose cars make granted moves at their own speed. Spaces, orders and rules are the same.
 """
 
@@ -60,13 +60,13 @@ from typing import Any, ClassVar
 import numpy as np
 import numpy.typing as npt
 
+from fleet.abstract.fleet import N_KINDS, TIMESTEP_S, FleetSite
+from fleet.abstract.kernel import NONE, Ints
 from fleet.arrays import FloatArray
 from fleet.config import Fidelity, require
 from fleet.config.field_checks import is_number
 from fleet.envs.core.base import Infos
 from fleet.envs.core.weights import check_weights
-from fleet.envs.grid.fleet import N_KINDS, TIMESTEP_S, FleetSite
-from fleet.envs.grid.kernel import NONE, Ints
 from fleet.envs.layers.layer import Bools, Int64Array, LayerEnv
 from fleet.envs.layers.layer_config import LayerConfig
 from fleet.envs.layers.sites import place_of

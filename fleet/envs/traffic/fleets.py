@@ -7,8 +7,8 @@ from typing import Protocol
 
 import numpy as np
 
-from fleet.envs.grid.fleet import FleetSite, GridFleet
-from fleet.envs.grid.kernel import Ints
+from fleet.abstract.fleet import FleetSite, GridFleet
+from fleet.abstract.kernel import Ints
 from fleet.envs.layers.fleets import Fleet, FleetOnGrid
 from fleet.envs.traffic.view import TrafficView
 from fleet.tasks.order import Delivery

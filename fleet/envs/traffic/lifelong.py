@@ -13,10 +13,10 @@ from typing import Self
 import numpy as np
 import numpy.typing as npt
 
+from fleet.abstract.fleet import FleetSite
+from fleet.abstract.kernel import NONE, Counts, Floor, Ints, Phase
 from fleet.arrays import FloatArray
 from fleet.config import require
-from fleet.envs.grid.fleet import FleetSite
-from fleet.envs.grid.kernel import NONE, Counts, Floor, Ints, Phase
 from fleet.envs.traffic.view import TrafficView
 from maps.formats.pogema import OpenFloor
 from maps.grid import DCOL, DROW, EAST, NORTH, SOUTH, WEST, GridMap
@@ -76,6 +76,9 @@ def open_place(floor: OpenFloor) -> FleetSite:
             charger_state=nothing,
             charger_row=nothing,
             service_steps=0,
+            load_steps=nothing,
+            unload_steps=nothing,
+            cycle_steps=nothing,
             station_cap=nothing,
             near_moves=0,
             loaded_rank=0,

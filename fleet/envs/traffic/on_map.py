@@ -19,8 +19,8 @@ from typing import Any
 
 import numpy as np
 
+from fleet.abstract.fleet import FleetSite
 from fleet.config import Fidelity, require
-from fleet.envs.grid.fleet import FleetSite
 from fleet.envs.traffic.env import TrafficEnv, TrafficEnvConfig
 from fleet.envs.traffic.fleets import TrafficFleet
 from fleet.envs.traffic.lifelong import LifelongTraffic, open_place

@@ -7,11 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
+from fleet.abstract.fleet import TIMESTEP_S
+from fleet.abstract.kernel import Ints
 from fleet.arrays import FloatArray
 from fleet.assembly import Parts
 from fleet.config import AllocationConfig, ArmConfig, Fidelity, RunConfig, TrafficConfig
-from fleet.envs.grid.fleet import TIMESTEP_S
-from fleet.envs.grid.kernel import Ints
 from fleet.envs.layers.simulated_fleet import SimulatedFleet
 from fleet.envs.traffic.view import TrafficView
 from fleet.simulation import Simulation

@@ -7,10 +7,10 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from fleet.abstract.compiled import compiled, inlined
+from fleet.abstract.fleet import N_KINDS, FleetSite
+from fleet.abstract.kernel import NONE, Bools, Distances, Ints, SmallInts
 from fleet.arrays import FloatArray
-from fleet.envs.grid.compiled import compiled, inlined
-from fleet.envs.grid.fleet import N_KINDS, FleetSite
-from fleet.envs.grid.kernel import NONE, Bools, Distances, Ints, SmallInts
 from maps.grid import DCOL, DROW
 from planners.mapf.distance_table import UNREACHABLE
 

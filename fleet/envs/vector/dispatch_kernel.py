@@ -7,12 +7,11 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from fleet.envs.dispatch.view import N_OWN, N_PER_CANDIDATE, N_SUMMARY, DispatchView, fill_candidates
-from fleet.envs.grid import kernel
-from fleet.envs.grid.block import BlockRows, FleetRow, Stepping, fleet_at, plan, send
-from fleet.envs.grid.compiled import compiled, inner
-from fleet.envs.grid.fleet import TIMESTEP_S
-from fleet.envs.grid.kernel import (
+from fleet.abstract import kernel
+from fleet.abstract.block import BlockRows, FleetRow, Stepping, fleet_at, plan, send
+from fleet.abstract.compiled import compiled, inner
+from fleet.abstract.fleet import TIMESTEP_S
+from fleet.abstract.kernel import (
     FREE,
     NEVER,
     NONE,
@@ -26,6 +25,7 @@ from fleet.envs.grid.kernel import (
     Ints,
     SmallInts,
 )
+from fleet.envs.dispatch.view import N_OWN, N_PER_CANDIDATE, N_SUMMARY, DispatchView, fill_candidates
 
 Floats = npt.NDArray[np.float32]
 Doubles = npt.NDArray[np.float64]

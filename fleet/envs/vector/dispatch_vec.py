@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from fleet.abstract.fleet import TIMESTEP_S
+from fleet.abstract.kernel import NONE
 from fleet.envs.dispatch.env import TERMS, DispatchEnv, DispatchWeights
-from fleet.envs.grid.fleet import TIMESTEP_S
-from fleet.envs.grid.kernel import NONE
 from fleet.envs.vector.dispatch_kernel import DispatchFloor, DispatchMemory, DispatchTables, begin_one, step_some
 from fleet.envs.vector.layer_vec import Kernel, LayerVec
 from fleet.tasks.order import Delivery

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from fleet.abstract.block import GridBlock
 from fleet.config import require
 from fleet.config.field_checks import is_whole
 from fleet.envs.core.choices import ILLEGAL, whole_numbers
-from fleet.envs.grid.block import GridBlock
 from fleet.envs.layers.layer import LayerEnv
 from fleet.envs.vector.vec_env import Arrays, VecEnv, VecStep, VecView
 from fleet.tasks.order import Delivery

@@ -7,11 +7,11 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from fleet.envs.grid import kernel
-from fleet.envs.grid.block import BlockRows, FleetRow, Stepping, fleet_at, plan, send, turn
-from fleet.envs.grid.compiled import compiled, inner
-from fleet.envs.grid.fleet import STATION_ROOM
-from fleet.envs.grid.kernel import NONE, Bools, Floor, Ints, SmallInts
+from fleet.abstract import kernel
+from fleet.abstract.block import BlockRows, FleetRow, Stepping, fleet_at, plan, send, turn
+from fleet.abstract.compiled import compiled, inner
+from fleet.abstract.fleet import STATION_ROOM
+from fleet.abstract.kernel import NONE, Bools, Floor, Ints, SmallInts
 from fleet.envs.traffic.view import CellMemory, FloorTold, TrafficView, observe
 from planners.mapf.distance_table import UNREACHABLE
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from fleet.envs.grid.fleet import N_KINDS
+from fleet.abstract.fleet import N_KINDS
 from fleet.envs.traffic.env import TERMS, TrafficEnv, TrafficWeights
 from fleet.envs.traffic.view import N_ROW_NUMBERS, TrafficObserver
 from fleet.envs.vector.layer_vec import Kernel, LayerVec

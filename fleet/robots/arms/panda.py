@@ -69,7 +69,7 @@ PANDA = ArmKind(
         n_standing_links=3,
     ),
     # On `small` and `medium` with suction means were 5.6 s, percentiles at most 5.7 s; fingers take 0.4 s longer.
-    service=UsualService(mean_s=6.0, p90_s=6.5),
+    service=UsualService(mean_s=6.0, p90_s=6.5, load_s=2.8, unload_s=5.2),
     # Their hulls overlap by 4 mm in every ordinary posture; the links themselves are apart.
     touching=((5, 7),),
     hand=_HAND,

@@ -34,6 +34,10 @@ class UsualService:
     mean_s: float
     p90_s: float
     """90th percentile [s]."""
+    load_s: float = 3.0
+    """How long a car stands for a parcel that the arm holds ready, until it can go on [s]; abstract runs alone ask."""
+    unload_s: float = 6.0
+    """How long it stands until its parcel is lifted out of its way [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)

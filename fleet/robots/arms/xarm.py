@@ -46,5 +46,5 @@ XARM = ArmKind(
         n_standing_links=2,
     ),
     # On `small` and `medium` with suction means were 5.6 to 5.8 s, percentiles at most 6.5 s.
-    service=UsualService(mean_s=6.0, p90_s=7.0),
+    service=UsualService(mean_s=6.0, p90_s=7.0, load_s=2.4, unload_s=5.1),
 )

@@ -57,7 +57,7 @@ def _rollout(seed: int) -> Policy:
 
 def tardiness_min(env: Any) -> float:
     """Tardiness of all orders that have come in, delivered or not, at the end of an episode on the grid [min]."""
-    from fleet.envs.grid.fleet import TIMESTEP_S, late_steps
+    from fleet.abstract.fleet import TIMESTEP_S, late_steps
 
     grid = env.fleet.grid
     return float(late_steps(grid.tasks, grid.now).sum()) * TIMESTEP_S / 60.0

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from fleet.abstract.kernel import NONE, Stage
 from fleet.envs import dispatch_v1
 from fleet.envs.dispatch.env import DispatchEnv
 from fleet.envs.dispatch.scenarios import SCENARIOS
-from fleet.envs.grid.kernel import NONE, Stage
 from fleet.envs.policies import make_policy
 from fleet.envs.policies.dispatch import ScoredMatching
 from fleet.envs.policies.rollout import RolloutConfig, RolloutPolicy

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fleet.envs.grid.kernel import NEVER, Stage
+from fleet.abstract.kernel import NEVER, Stage
 from fleet.evaluation import scenarios, scores
 from fleet.evaluation.baselines import page
 from fleet.evaluation.comparison import findings

@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from fleet.abstract.fleet import FleetSite, GridFleet
+from fleet.abstract.kernel import ENOUGH, LOW, NONE, Battery, Phase
 from fleet.envs import dispatch_v1
 from fleet.envs.dispatch.env import DispatchEnv
 from fleet.envs.dispatch.scenarios import SCENARIOS
-from fleet.envs.grid.fleet import FleetSite, GridFleet
-from fleet.envs.grid.kernel import ENOUGH, LOW, NONE, Battery, Phase
 from fleet.envs.layers.order_streams import episode_orders
 from fleet.envs.policies import make_policy
 from maps.site import load_site

@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
+from fleet.abstract.fleet import FleetSite, GridFleet
+from fleet.abstract.kernel import NONE, Faults, Phase, Stage
 from fleet.envs import dispatch_v1
 from fleet.envs.dispatch.env import DispatchEnv
 from fleet.envs.dispatch.view import N_OWN
-from fleet.envs.grid.fleet import FleetSite, GridFleet
-from fleet.envs.grid.kernel import NONE, Faults, Phase, Stage
 from fleet.envs.layers.order_streams import episode_orders
 from fleet.envs.policies import make_policy
 from maps.site import load_site

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from fleet.abstract.fleet import STATION_ROOM, FleetSite
+from fleet.abstract.kernel import FREE, NEVER, NONE, Stage
 from fleet.envs import dispatch_v1
 from fleet.envs.dispatch.env import DispatchEnv
 from fleet.envs.dispatch.outlook import CHANGE_STEPS, Jobs, Outlook, Rule, score_choices
-from fleet.envs.grid.fleet import STATION_ROOM, FleetSite
-from fleet.envs.grid.kernel import FREE, NEVER, NONE, Stage
 from fleet.envs.layers.order_streams import mean_cycle_s
 from fleet.envs.layers.sites import place_of
 from fleet.envs.policies import make_policy

@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from fleet.abstract.fleet import STATION_ROOM, FleetSite, GridFleet, one_per_order
+from fleet.abstract.kernel import FREE, NEVER, NONE, Faults, Stage
 from fleet.config import StreamConfig
 from fleet.envs import dispatch_v1
 from fleet.envs.dispatch.env import DispatchEnv
 from fleet.envs.dispatch.outlook import Jobs, Outlook, Rule, score_choices
-from fleet.envs.grid.fleet import STATION_ROOM, FleetSite, GridFleet, one_per_order
-from fleet.envs.grid.kernel import FREE, NEVER, NONE, Faults, Stage
 from fleet.envs.layers.order_streams import episode_orders
 from fleet.envs.policies import make_policy
 from fleet.errors import ConfigError

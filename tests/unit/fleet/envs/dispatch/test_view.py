@@ -7,9 +7,9 @@ from collections import Counter
 import numpy as np
 import pytest
 
+from fleet.abstract.fleet import STATION_ROOM, TIMESTEP_S, FleetSite
+from fleet.abstract.kernel import NONE, Phase
 from fleet.envs.dispatch.view import N_OWN, N_PER_CANDIDATE, SOON_S, TIME_S, DispatchObserver, DispatchView
-from fleet.envs.grid.fleet import STATION_ROOM, TIMESTEP_S, FleetSite
-from fleet.envs.grid.kernel import NONE, Phase
 from maps.site import load_site
 
 MEDIUM, TWIN = (FleetSite.of(load_site(name)) for name in ("medium", "twin"))

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from fleet.abstract.kernel import NONE
 from fleet.envs import traffic_v1
-from fleet.envs.grid.kernel import NONE
 from fleet.envs.policies import make_policy
 from fleet.envs.traffic.env import JAM_S, TrafficEnv, TrafficWeights
 from fleet.envs.traffic.view import CELLS, MOVES, N_BEHIND, N_PER_CELL, N_PER_MOVE, N_SEEN, TrafficObserver, TrafficView

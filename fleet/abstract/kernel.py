@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from fleet.envs.grid.compiled import compiled, inlined
+from fleet.abstract.compiled import compiled, inlined
 
 Ints = npt.NDArray[np.int32]
 SmallInts = npt.NDArray[np.int8]
@@ -71,7 +71,12 @@ class Floor(NamedTuple):
     charger_row: Ints
     """The same for the chargers, shape (c,)."""
     service_steps: int
-    """Timesteps that a car is served."""
+    """Timesteps that a car is served, of stations all alike."""
+    load_steps: Ints
+    unload_steps: Ints
+    """Timesteps that a car is served at each station, by what is done there, shape (k,)."""
+    cycle_steps: Ints
+    """Timesteps from the beginning of a service to that of the next, at least, shape (k,)."""
     station_cap: Ints
     """Cars that are near each station at once, the one that is served included, shape (k,); at a pick station each of
     them takes a slot for its parcel until that is loaded, so there are no more than it has slots."""
@@ -141,6 +146,8 @@ class StationTable(NamedTuple):
     """Cars that have a place near it; at a pick station also the slots that their parcels take."""
     under_way: Ints
     """Tasks whose cars have still to come to it."""
+    free_at: Ints
+    """Timestep from which on its arm can serve the next car."""
 
 
 class Counts(NamedTuple):
@@ -341,8 +348,12 @@ def serve(
                     counts.late[car] += now - tasks.due[task]
                 cars.phase[car], cars.task[car], cars.station[car] = FREE, NONE, NONE
         elif phase != OUT and cars.booked[car] and cars.state[car] == floor.dock_state[cars.station[car]]:
+            station = cars.station[car]
+            if now < stations.free_at[station]:
+                continue
             cars.phase[car] = LOADING if phase == TO_PICK else UNLOADING
-            cars.left[car] = floor.service_steps
+            cars.left[car] = floor.load_steps[station] if phase == TO_PICK else floor.unload_steps[station]
+            stations.free_at[station] = now + floor.cycle_steps[station]
 
 
 @compiled

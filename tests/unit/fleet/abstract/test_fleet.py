@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fleet.envs.grid.fleet import STATION_CAP, STATION_ROOM, FleetSite, GridFleet
-from fleet.envs.grid.kernel import NEVER, NONE, Phase, Stage
+from fleet.abstract.fleet import STATION_CAP, STATION_ROOM, FleetSite, GridFleet
+from fleet.abstract.kernel import NEVER, NONE, Phase, Stage
 from fleet.envs.layers.order_streams import episode_orders, rate_per_h
 from maps.site import load_site
 

@@ -10,15 +10,14 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from fleet.config import AllocationConfig
-from fleet.envs.grid import kernel
-from fleet.envs.grid.kernel import (
+from fleet.abstract import kernel
+from fleet.abstract.kernel import (
     ENOUGH,
     NEVER,
     NO_BATTERY,
@@ -33,14 +32,16 @@ from fleet.envs.grid.kernel import (
     StationTable,
     TaskTable,
 )
+from fleet.config import AllocationConfig
 from fleet.missions.admission import NEAR_MOVES
 from fleet.missions.ways import EMERGENCY_RANK_S, LOADED_RANK_S
+from fleet.robots.arms.spec import UsualService
 from fleet.stations.service_time import PRIOR_MEAN_S
 from fleet.tasks.order import Delivery
 from maps.lane_graph import LaneGraph, build_lane_graph
 from maps.site import Site
 from maps.stations import StationPlace
-from planners.mapf.distance_table import UNREACHABLE, DistanceTable
+from planners.mapf.distance_table import MEMORY_CAP_BYTES, UNREACHABLE, DistanceTable
 from planners.mapf.pibt import Stepper
 
 TIMESTEP_S = 1.0
@@ -51,6 +52,8 @@ ROOM_S = 60.0
 """No task is given out at a station while those under way to it keep its arm busy for longer than this [s]."""
 STATION_ROOM = max(STATION_CAP + 1, round(ROOM_S / PRIOR_MEAN_S))
 """Tasks under way to one station at once: at least one car more than may be near, which is held back if it comes."""
+MOST_DISTANCE_BYTES = 3_500_000_000
+"""Memory for the distances of one site: 10,000 parking places on a floor of 60,000 cells."""
 N_KINDS = 4
 """Kinds of moves of a car: straight, left, right, reverse."""
 
@@ -70,14 +73,33 @@ class FleetSite:
     """The longest way to a dock or a parking place, in timesteps."""
 
     @classmethod
-    def of(cls, site: Site) -> FleetSite:
-        """Work it out."""
+    def of(
+        cls, site: Site, services: Sequence[UsualService] | None = None, station_cap: int = STATION_CAP
+    ) -> FleetSite:
+        """Work it out.
+
+        Args:
+            site: The site.
+            services: How long the arm of each station takes; None = all are taken, and hold a car, for the same time.
+            station_cap: Cars near one station at once, at most.
+
+        Raises:
+            DistanceTableFull: Distances to all places of the site need more than `MOST_DISTANCE_BYTES`.
+        """
         graph = build_lane_graph(site)
         docks = [graph.state_at(place.dock.cell, place.dock.heading) for place in site.stations]
         spots = [int(graph.states_of_cell(cell)[0]) for cell in site.parking]
         chargers = [int(graph.states_of_cell(cell)[0]) for cell in site.chargers]
         goals = np.array([*docks, *spots, *chargers], dtype=np.int32)
-        distance, row = DistanceTable(graph, np.zeros(graph.n_cells, dtype=np.bool_)).rows(goals)
+        needed = 2 * graph.n_states * len(np.unique(goals))
+        table = DistanceTable(
+            graph,
+            np.zeros(graph.n_cells, dtype=np.bool_),
+            memory_cap=max(MEMORY_CAP_BYTES, min(needed, MOST_DISTANCE_BYTES)),
+        )
+        distance, row = table.rows(goals)
+        usual = UsualService(mean_s=PRIOR_MEAN_S, p90_s=PRIOR_MEAN_S, load_s=PRIOR_MEAN_S, unload_s=PRIOR_MEAN_S)
+        times = [usual] * len(docks) if services is None else services
         k, n = len(docks), len(docks) + len(spots)
         floor = Floor(
             distance=distance,
@@ -88,7 +110,10 @@ class FleetSite:
             charger_state=goals[n:],
             charger_row=row[n:].astype(np.int32),
             service_steps=round(PRIOR_MEAN_S / TIMESTEP_S),
-            station_cap=np.array([_room_near(place) for place in site.stations], dtype=np.int32),
+            load_steps=_steps(time.load_s for time in times),
+            unload_steps=_steps(time.unload_s for time in times),
+            cycle_steps=_steps(time.mean_s for time in times),
+            station_cap=np.array([_room_near(place, station_cap) for place in site.stations], dtype=np.int32),
             near_moves=NEAR_MOVES,
             loaded_rank=round(LOADED_RANK_S / TIMESTEP_S),
             urgent_rank=round(EMERGENCY_RANK_S / TIMESTEP_S),
@@ -96,8 +121,8 @@ class FleetSite:
         goal_row, move_to = _none(graph.n_states), np.full((graph.n_states, N_KINDS), NONE, dtype=np.int32)
         goal_row[goals] = row
         move_to[graph.move_from, graph.move_kind] = graph.move_to
-        used = distance[row[:n]]
-        far_steps = int(used[used < UNREACHABLE].max())
+        # Row by row: all at once would be a copy of what may take most of the memory.
+        far_steps = max(_farthest(distance[one]) for one in row[:n])
         return cls(site=site, graph=graph, floor=floor, goal_row=goal_row, move_to=move_to, far_steps=far_steps)
 
 
@@ -139,7 +164,8 @@ class GridFleet:
         floor, graph = place.floor, place.graph
         self.cars = cars_at_start(floor, n_cars)
         self.tasks = tasks_of(orders, [station.name for station in place.site.stations])
-        self.stations = StationTable(booked=_zero(len(floor.dock_state)), under_way=_zero(len(floor.dock_state)))
+        k = len(floor.dock_state)
+        self.stations = StationTable(booked=_zero(k), under_way=_zero(k), free_at=_zero(k))
         self.counts = Counts.of(n_cars, np.int32)
         self.priority = np.zeros(n_cars)
         self.locked = np.zeros(n_cars, dtype=np.bool_)
@@ -223,8 +249,17 @@ class GridFleet:
         self.direct()
 
 
-def _room_near(place: StationPlace) -> int:
-    return min(STATION_CAP, len(place.slots)) if place.kind == "pick" else STATION_CAP
+def _room_near(place: StationPlace, station_cap: int) -> int:
+    return min(station_cap, len(place.slots)) if place.kind == "pick" else station_cap
+
+
+def _farthest(ways: npt.NDArray[np.uint16]) -> int:
+    return int(ways.max(where=ways < UNREACHABLE, initial=0))
+
+
+def _steps(times_s: Iterable[float]) -> npt.NDArray[np.int32]:
+    """Times as whole timesteps, rounded up."""
+    return np.array([math.ceil(time_s / TIMESTEP_S) for time_s in times_s], dtype=np.int32)
 
 
 def cars_at_start(floor: Floor, n_cars: int) -> CarTable:

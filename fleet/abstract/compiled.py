@@ -1,4 +1,4 @@
-"""How the kernels of environments are compiled and kept."""
+"""How the kernels of abstract fleets, and of environments on them, are compiled and kept."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numba import njit
 from planners.kernel_stamp import keep_until, stamp_of
 from planners.mapf import kernel as mapf_kernel
 
-_STAMP = stamp_of(Path(__file__).parents[1], Path(mapf_kernel.__file__).parent)
+_STAMP = stamp_of(Path(__file__).parent, Path(__file__).parents[1] / "envs", Path(mapf_kernel.__file__).parent)
 
 
 def compiled(function: Callable[..., Any], **more: Any) -> Callable[..., Any]:
@@ -19,7 +19,7 @@ def compiled(function: Callable[..., Any], **more: Any) -> Callable[..., Any]:
 
     For `_nrt=False` see `planners.mapf.kernel`. What it calls is compiled alike, unless that says `_nrt=True` itself; a
     kernel that returns arrays must not be called by one that counts references, which would count it down. What is
-    compiled is kept until any file of the environments or of `planners.mapf` changes.
+    compiled is kept until any file of this folder, of the environments or of `planners.mapf` changes.
     """
     options: dict[str, Any] = {"cache": True, "nogil": True, "no_cfunc_wrapper": True, "_nrt": False, **more}
     made: Callable[..., Any] = njit(**options)(function)

@@ -1,6 +1,6 @@
 """GridBlock: many fleets on one floor, side by side in arrays with a leading axis.
 
-The kernels of `fleet.envs.grid.kernel` are called for one fleet after the other, on rows of these arrays: so a fleet of
+The kernels of `fleet.abstract.kernel` are called for one fleet after the other, on rows of these arrays: so a fleet of
 a block goes the same way as a `GridFleet`, to the last bit.
 """
 
@@ -12,10 +12,10 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from fleet.envs.grid import kernel
-from fleet.envs.grid.compiled import inner
-from fleet.envs.grid.fleet import FleetSite, cars_at_start, spot_users_at_start, tasks_of
-from fleet.envs.grid.kernel import Bools, CarTable, Counts, Floor, Ints, StationTable, TaskTable
+from fleet.abstract import kernel
+from fleet.abstract.compiled import inner
+from fleet.abstract.fleet import FleetSite, cars_at_start, spot_users_at_start, tasks_of
+from fleet.abstract.kernel import Bools, CarTable, Counts, Floor, Ints, StationTable, TaskTable
 from fleet.tasks.order import Delivery
 from planners.mapf.inheritance import claims_of
 from planners.mapf.options import options_of
@@ -91,7 +91,7 @@ class GridBlock:
         k = len(self._names)
         self.cars = CarTable(*_repeated(self._start, n_fleets))
         self.tasks = TaskTable(*_repeated(tasks_of((), []), n_fleets))
-        self.stations = StationTable(*np.zeros((2, n_fleets, k), dtype=np.int32))
+        self.stations = StationTable(*np.zeros((3, n_fleets, k), dtype=np.int32))
         self.counts = Counts(*_repeated(Counts.of(n_cars, np.int32), n_fleets))
         self.rows = BlockRows(
             spot_user=np.repeat(self._spots[None], n_fleets, axis=0),
@@ -211,7 +211,7 @@ def fleet_at(
             order[b, :n],
             window[b],
         ),
-        StationTable(stations[0][b], stations[1][b]),
+        StationTable(stations[0][b], stations[1][b], stations[2][b]),
         Counts(counts[0][b], counts[1][b], counts[2][b], counts[3][b]),
         rows.spot_user[b],
         rows.priority[b],

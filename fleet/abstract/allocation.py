@@ -1,0 +1,161 @@
+"""Allocation: an allocator gives the tasks of an abstract fleet to its cars."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from fleet.abstract.compiled import compiled
+from fleet.abstract.fleet import STATION_ROOM, TIMESTEP_S, GridFleet
+from fleet.abstract.kernel import FREE, NEVER, READY, Floor, StationTable, TaskTable
+from fleet.arrays import FloatArray
+from fleet.config import AllocationConfig, require
+from fleet.dispatch.allocation import MOST_ASKED
+from fleet.dispatch.offers import N_SPARE
+from planners.allocation.costs import CostWeights, task_costs
+from planners.allocation.problem import AllocationProblem
+from planners.mapf.distance_table import UNREACHABLE
+
+Ints = npt.NDArray[np.int32]
+
+
+class Room(NamedTuple):
+    """What stations have room for, shape (k,) each."""
+
+    most: Ints
+    """Tasks under way at once, at most."""
+    left: Ints
+    """More of them now; working memory."""
+    offered: Ints
+    """Tasks of each pick station that are on offer; working memory."""
+
+
+class Offer(NamedTuple):
+    """Tasks on offer, at least as long as the table of tasks."""
+
+    task: Ints
+    begin: Ints
+    """Timesteps before which the pick station cannot begin with it, because of those before it."""
+
+
+class AbstractAllocation:
+    """Gives ready tasks to cars without one, in every timestep, at the costs of whole runs; cars keep what they have.
+
+    Args:
+        config: The allocator and what things are worth.
+        fleet: The fleet.
+
+    Raises:
+        ConfigError: The allocator plans tours, which is asked in whole runs alone.
+        PlanningError: There is no such allocator, or it has no such settings.
+    """
+
+    def __init__(self, config: AllocationConfig, fleet: GridFleet) -> None:
+        self._allocator = config.make_allocator()
+        tours = bool(getattr(self._allocator, "plans_ahead", False))
+        valid = "one that does not plan ahead with --fidelity abstract"
+        require(not tours, "--allocator", config.allocator, valid)
+        self._weights = CostWeights(config.lateness, config.ageing, config.due)
+        self._fleet = fleet
+        floor = fleet.place.floor
+        self._service_s = _seconds(floor.load_steps[fleet.tasks.pick] + floor.unload_steps[fleet.tasks.drop])
+        k, m = len(floor.dock_state), len(fleet.tasks.stage)
+        self._room = Room(
+            # So many tasks under way keep an arm busy until who is farthest off has come.
+            most=np.maximum(STATION_ROOM, fleet.place.far_steps // floor.cycle_steps + 1).astype(np.int32),
+            left=np.empty(k, dtype=np.int32),
+            offered=np.empty(k, dtype=np.int32),
+        )
+        self._offer = Offer(task=np.empty(m, dtype=np.int32), begin=np.empty(m, dtype=np.int32))
+        self._n_picks = max(1, len(fleet.place.site.station_names("pick")))
+        self._turn = 0
+
+    def give_out(self) -> None:
+        """Give out what can be given out now, and send the cars on their way."""
+        fleet = self._fleet
+        cars = self._asked()
+        if not len(cars):
+            return
+        most = min(len(cars), -(-2 * len(cars) // self._n_picks)) + N_SPARE
+        n = _find_offers(fleet.place.floor, fleet.tasks, fleet.stations, self._room, most, self._offer)
+        if n == 0:
+            return
+        tasks, begin = self._offer.task[:n], self._offer.begin[:n]
+        taken = self._allocator.allocate(self._problem(cars, tasks, begin))
+        for row, column in taken.pairs.tolist():
+            task = int(tasks[column])
+            if fleet.tasks.stage[task] == READY:  # it is not when the order is had from another station
+                fleet.assign(int(cars[row]), task)
+        if len(taken.pairs):
+            fleet.direct()
+
+    def _asked(self) -> npt.NDArray[np.intp]:
+        """The cars without a task, at most `MOST_ASKED`, others in each round."""
+        free = np.flatnonzero(self._fleet.cars.phase == FREE)
+        if len(free) <= MOST_ASKED:
+            return free
+        first = self._turn * MOST_ASKED % len(free)
+        self._turn += 1
+        return np.sort(np.roll(free, -first)[:MOST_ASKED])
+
+    def _problem(self, cars: npt.NDArray[np.intp], tasks: Ints, begin: Ints) -> AllocationProblem:
+        grid = self._fleet
+        floor, table, now_s = grid.place.floor, grid.tasks, grid.now * TIMESTEP_S
+        pick, due = table.pick[tasks], table.due[tasks]
+        # Stations are fewer than tasks: the way to each is looked up once for each car.
+        at, column = np.unique(pick, return_inverse=True)
+        moves = floor.distance[floor.dock_row[at]][:, grid.cars.state[cars]]
+        ways_s = np.where(moves == UNREACHABLE, np.inf, moves * TIMESTEP_S)
+        rest = floor.distance[floor.dock_row[table.drop[tasks]], floor.dock_state[pick]]
+        since_s = _seconds(table.release[tasks])
+        costs = task_costs(
+            # Who comes before its turn waits for it.
+            travel_s=np.maximum(ways_s[column], begin[:, None] * TIMESTEP_S).T,
+            rest_s=_seconds(rest),
+            service_s=self._service_s[tasks],
+            since_s=since_s,
+            due_s=np.where(due == NEVER, np.inf, due * TIMESTEP_S),
+            now_s=now_s,
+            weights=self._weights,
+        )
+        return AllocationProblem(cost=costs.cost_s, class_of=table.rank[tasks].astype(np.int32), since_s=since_s)
+
+
+def _seconds(steps: npt.NDArray[np.integer[Any]]) -> FloatArray:
+    return steps.astype(np.float64) * TIMESTEP_S
+
+
+@compiled
+def _find_offers(
+    floor: Floor, tasks: TaskTable, stations: StationTable, room: Room, most: int, offer: Offer
+) -> int:  # pragma: no cover - compiled
+    """Fill in the ready tasks that may be given out, the most urgent and oldest of each station; returns how many.
+
+    Args:
+        floor: What never changes.
+        tasks: The tasks.
+        stations: The stations.
+        room: What stations have room for.
+        most: Tasks of one pick station that are offered at once.
+        offer: Receives the tasks.
+    """
+    for station in range(len(room.left)):
+        room.left[station] = room.most[station] - stations.under_way[station]
+        room.offered[station] = 0
+    n = 0
+    for rank in range(3):
+        for task in range(tasks.window[0], tasks.window[1]):
+            if tasks.stage[task] != READY or tasks.rank[task] != rank:
+                continue
+            pick, drop = tasks.pick[task], tasks.drop[task]
+            if room.left[pick] <= 0 or room.left[drop] <= 0 or room.offered[pick] >= most:
+                continue
+            offer.task[n] = task
+            offer.begin[n] = (stations.under_way[pick] + room.offered[pick]) * floor.cycle_steps[pick]
+            room.left[pick] -= 1
+            room.left[drop] -= 1
+            room.offered[pick] += 1
+            n += 1
+    return n

@@ -1,0 +1,165 @@
+"""AbstractRun: a run as its configuration describes it, in timesteps of a second."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+
+import numpy as np
+import numpy.typing as npt
+
+from fleet.abstract.accounts import Accounts
+from fleet.abstract.allocation import AbstractAllocation
+from fleet.abstract.fleet import TIMESTEP_S, FleetSite, GridFleet, one_per_order
+from fleet.abstract.kernel import NEVER, Stage
+from fleet.arrays import FloatArray
+from fleet.config import ArmConfig, Fidelity, RunConfig, TrafficConfig, require
+from fleet.errors import ConfigError
+from fleet.robots.cars.models import usual_car
+from fleet.run.orders import orders_of
+from fleet.tasks.order import Delivery, Order, ability_of
+from fleet.world.site_scene import arms_of
+from maps.site import load_site
+
+STALL_STEPS = 300
+"""A run whose tasks have not changed for so many timesteps has come to a stand."""
+_HEEDED = {
+    *("site", "robots", "tasks", "stream", "orders", "seed", "duration_s", "fidelity", "allocation"),
+    # What physics engines are told.
+    *("physics", "connect", "shared_memory_key"),
+}
+"""Settings that abstract runs take in any form."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class OrderTimes:
+    """Times of orders [s], shape (n,) each."""
+
+    release_s: FloatArray
+    due_s: FloatArray
+    """inf = any time."""
+    done_s: FloatArray
+    """inf = not yet."""
+
+
+class AbstractRun:
+    """Cars on timesteps of the lane graph, whose tasks an allocator gives out, and arms that take their usual time.
+
+    Orders, seeds and what is counted are those of whole runs. There are no poses between cells, no motions of arms, no
+    faults, no batteries and no causes.
+
+    Attributes:
+        fleet: The cars, the tasks and the stations.
+        accounts: Where their time went.
+        orders: What is to be done, ascending in release.
+
+    Args:
+        config: Of fidelity `abstract`.
+
+    Raises:
+        ConfigError: A setting asks for what abstract runs do not have, or the site has no parking place for each car.
+        DistanceTableFull: The site is too large.
+        OrdersError: The orders cannot be read, or are none that such a run knows.
+        PlanningError: There is no such allocator.
+        SiteError: The site cannot be read.
+    """
+
+    def __init__(self, config: RunConfig) -> None:
+        _check(config)
+        self.config = config
+        site = load_site(config.site)
+        fits = config.robots <= len(site.parking)
+        require(fits, "--robots", config.robots, f"1 to {len(site.parking)} with --fidelity abstract (parking cells)")
+        payload_kg = usual_car().max_payload_kg
+        abilities = [ability_of(car, payload_kg) for car in range(config.robots)]
+        orders_seed, traffic_seed = np.random.SeedSequence(config.seed).spawn(2)
+        book = orders_of(config, site, abilities, np.random.default_rng(orders_seed))
+        self.orders = [_delivery(order) for order in book.orders]
+        services = [spec.service for spec in arms_of(site, config.grip, config.arms).specs]
+        place = FleetSite.of(site, services, config.allocation.station_cap_n)
+        self.fleet = GridFleet(place, config.robots, self.orders, int(traffic_seed.generate_state(1)[0]))
+        self.accounts = Accounts(self.fleet)
+        self._allocation = AbstractAllocation(config.allocation, self.fleet)
+        self._changed, self._stages = 0, self.fleet.tasks.stage.copy()
+
+    @property
+    def sim_s(self) -> float:
+        """Simulated time [s]."""
+        return self.fleet.now * TIMESTEP_S
+
+    @property
+    def stalled(self) -> bool:
+        """Whether work is open and for `STALL_STEPS` no task has changed."""
+        return self.fleet.now - self._changed > STALL_STEPS and not self.done
+
+    @property
+    def done(self) -> bool:
+        """Whether every order is delivered."""
+        return bool((self.fleet.tasks.stage >= Stage.DELIVERED).all())
+
+    def step(self) -> npt.NDArray[np.int32]:
+        """Let a timestep pass; returns the state of each car after it, shape (n_cars,)."""
+        fleet = self.fleet
+        self._allocation.give_out()
+        after = fleet.planned()
+        self.accounts.take(after)
+        fleet.move(after)
+        if not np.array_equal(fleet.tasks.stage, self._stages):
+            self._changed, self._stages[:] = fleet.now, fleet.tasks.stage
+        return fleet.cars.state
+
+    def run_whole_time(self, on_step: Callable[[AbstractRun], None] | None = None) -> None:
+        """Run to the end of the time, even when all work is done before; a fleet at a stand is not driven on."""
+        while self.sim_s < self.config.duration_s and not self.stalled:
+            self.step()
+            if on_step is not None:
+                on_step(self)
+
+    def told(self) -> OrderTimes:
+        """When the orders that have come in until now were to be done, and were."""
+        tasks = self.fleet.tasks
+        done = tasks.done[one_per_order(tasks)]
+        release_s = np.array([order.release_s for order in self.orders])
+        known = release_s <= self.sim_s
+        return OrderTimes(
+            release_s=release_s[known],
+            due_s=np.array([order.due_s for order in self.orders])[known],
+            done_s=np.where(done == NEVER, np.inf, done * TIMESTEP_S)[known],
+        )
+
+    def state_hash(self) -> str:
+        """Hash of all cars and tasks: equal runs, equal hashes."""
+        digest = hashlib.sha256(str(self.fleet.now).encode())
+        for table in (self.fleet.cars, self.fleet.tasks, self.fleet.stations):
+            for array in table:
+                digest.update(array.tobytes())
+        return digest.hexdigest()[:16]
+
+
+def _check(config: RunConfig) -> None:
+    """Refuse settings that would have no effect."""
+    abstract = "with --fidelity abstract"
+    require(config.fidelity is Fidelity.ABSTRACT, "fidelity", str(config.fidelity), "abstract")
+    planner = TrafficConfig.usual(config.fidelity).planner
+    fits = config.traffic.planner == planner and not config.traffic.planner_settings
+    require(fits, "--planner", config.traffic.planner, f"{planner}, without settings, {abstract}")
+    usual = RunConfig()
+    for field in fields(RunConfig):
+        value, default = getattr(config, field.name), getattr(usual, field.name)
+        if field.name in _HEEDED or field.name == "traffic":
+            continue
+        if field.name == "arms":
+            default = ArmConfig(model=config.arms.model, workers_n=config.arms.workers_n)
+        if field.name == "battery":
+            require(not config.battery.enabled, "battery.enabled", True, f"false {abstract}")
+            continue
+        require(value == default, field.name, value, f"{default} {abstract}")
+
+
+def _delivery(order: Order) -> Delivery:
+    """An order, if it is one that abstract runs know."""
+    if isinstance(order, Delivery) and not (order.after or order.needs or order.same_car_as):
+        return order
+    valid = "deliveries that ask for nothing of other orders or of their cars, with --fidelity abstract"
+    raise ConfigError(f"order {order.name} is not one that abstract runs know; valid: {valid}")
