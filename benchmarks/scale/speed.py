@@ -39,9 +39,10 @@ def measure_large(trial: Trial) -> Iterator[Row]:
 
 
 def measure_grid(trial: Trial) -> Iterator[Row]:
-    """1,000 and 10,000 cars on the grid, where a timestep is one simulated second."""
-    yield from _rows(trial, 1000, Fidelity.GRID, ">= 150")
-    yield from _rows(trial, 10_000, Fidelity.GRID, ">= 15", memory="<= 4000")
+    """1,000 and 10,000 cars on the grid, where a timestep is one simulated second: abstract, then whole runs."""
+    for fidelity in (Fidelity.ABSTRACT, Fidelity.GRID):
+        yield from _rows(trial, 1000, fidelity, ">= 150")
+        yield from _rows(trial, 10_000, fidelity, ">= 15", memory="<= 4000")
 
 
 def measure_mixed(trial: Trial) -> Iterator[Row]:

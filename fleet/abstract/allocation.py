@@ -15,7 +15,7 @@ from fleet.config import AllocationConfig, require
 from fleet.dispatch.allocation import MOST_ASKED
 from fleet.dispatch.offers import N_SPARE
 from planners.allocation.costs import CostWeights, task_costs
-from planners.allocation.problem import AllocationProblem
+from planners.allocation.problem import AllocationProblem, Allocator
 from planners.mapf.distance_table import UNREACHABLE
 
 Ints = npt.NDArray[np.int32]
@@ -28,8 +28,20 @@ class Room(NamedTuple):
     """Tasks under way at once, at most."""
     left: Ints
     """More of them now; working memory."""
-    offered: Ints
-    """Tasks of each pick station that are on offer; working memory."""
+
+
+class Lines(NamedTuple):
+    """How the tasks of each pick station stand in line, the most urgent class first."""
+
+    first: Ints
+    """The first of each station in the lines, shape (k + 1,)."""
+    by_age: Ints
+    by_due: Ints
+    """Tasks, station by station, shape (m,); those without a due date come last by it."""
+    head: Ints
+    """The first of each station that no car has, in either line, shape (2, k)."""
+    seen: Ints
+    """Round in which each task was last looked at, shape (m,)."""
 
 
 class Offer(NamedTuple):
@@ -38,6 +50,8 @@ class Offer(NamedTuple):
     task: Ints
     begin: Ints
     """Timesteps before which the pick station cannot begin with it, because of those before it."""
+    round: Ints
+    """Number of the round, shape (1,)."""
 
 
 class AbstractAllocation:
@@ -48,15 +62,11 @@ class AbstractAllocation:
         fleet: The fleet.
 
     Raises:
-        ConfigError: The allocator plans tours, which is asked in whole runs alone.
-        PlanningError: There is no such allocator, or it has no such settings.
+        ConfigError, PlanningError: See `make_allocator`.
     """
 
     def __init__(self, config: AllocationConfig, fleet: GridFleet) -> None:
-        self._allocator = config.make_allocator()
-        tours = bool(getattr(self._allocator, "plans_ahead", False))
-        valid = "one that does not plan ahead with --fidelity abstract"
-        require(not tours, "--allocator", config.allocator, valid)
+        self._allocator = make_allocator(config)
         self._weights = CostWeights(config.lateness, config.ageing, config.due)
         self._fleet = fleet
         floor = fleet.place.floor
@@ -66,9 +76,11 @@ class AbstractAllocation:
             # So many tasks under way keep an arm busy until who is farthest off has come.
             most=np.maximum(STATION_ROOM, fleet.place.far_steps // floor.cycle_steps + 1).astype(np.int32),
             left=np.empty(k, dtype=np.int32),
-            offered=np.empty(k, dtype=np.int32),
         )
-        self._offer = Offer(task=np.empty(m, dtype=np.int32), begin=np.empty(m, dtype=np.int32))
+        self._lines = _lines(fleet.tasks, k)
+        self._offer = Offer(
+            task=np.empty(m, dtype=np.int32), begin=np.empty(m, dtype=np.int32), round=np.zeros(1, dtype=np.int32)
+        )
         self._n_picks = max(1, len(fleet.place.site.station_names("pick")))
         self._turn = 0
 
@@ -79,7 +91,7 @@ class AbstractAllocation:
         if not len(cars):
             return
         most = min(len(cars), -(-2 * len(cars) // self._n_picks)) + N_SPARE
-        n = _find_offers(fleet.place.floor, fleet.tasks, fleet.stations, self._room, most, self._offer)
+        n = _find_offers(fleet.place.floor, fleet.tasks, fleet.stations, self._lines, self._room, most, self._offer)
         if n == 0:
             return
         tasks, begin = self._offer.task[:n], self._offer.begin[:n]
@@ -106,7 +118,7 @@ class AbstractAllocation:
         pick, due = table.pick[tasks], table.due[tasks]
         # Stations are fewer than tasks: the way to each is looked up once for each car.
         at, column = np.unique(pick, return_inverse=True)
-        moves = floor.distance[floor.dock_row[at]][:, grid.cars.state[cars]]
+        moves = floor.distance[floor.dock_row[at][:, None], grid.cars.state[cars]]
         ways_s = np.where(moves == UNREACHABLE, np.inf, moves * TIMESTEP_S)
         rest = floor.distance[floor.dock_row[table.drop[tasks]], floor.dock_state[pick]]
         since_s = _seconds(table.release[tasks])
@@ -123,39 +135,80 @@ class AbstractAllocation:
         return AllocationProblem(cost=costs.cost_s, class_of=table.rank[tasks].astype(np.int32), since_s=since_s)
 
 
+def make_allocator(config: AllocationConfig) -> Allocator:
+    """The allocator that is named, if abstract runs can ask it.
+
+    Raises:
+        ConfigError: It plans ahead.
+        PlanningError: There is no such allocator, or it has no such settings.
+    """
+    allocator = config.make_allocator()
+    valid = "one that does not plan ahead with --fidelity abstract"
+    require(not getattr(allocator, "plans_ahead", False), "--allocator", config.allocator, valid)
+    return allocator
+
+
 def _seconds(steps: npt.NDArray[np.integer[Any]]) -> FloatArray:
     return steps.astype(np.float64) * TIMESTEP_S
 
 
+def _lines(tasks: TaskTable, n_stations: int) -> Lines:
+    """Let the tasks of each pick station stand in line."""
+    by_age, by_due = (np.lexsort((key, tasks.rank, tasks.pick)) for key in (tasks.release, tasks.due))
+    first = np.searchsorted(tasks.pick[by_age], np.arange(n_stations + 1))
+    return Lines(
+        first=first.astype(np.int32),
+        by_age=by_age.astype(np.int32),
+        by_due=by_due.astype(np.int32),
+        head=np.repeat(first[None, :-1], 2, axis=0).astype(np.int32),
+        seen=np.zeros(len(by_age), dtype=np.int32),
+    )
+
+
 @compiled
 def _find_offers(
-    floor: Floor, tasks: TaskTable, stations: StationTable, room: Room, most: int, offer: Offer
+    floor: Floor, tasks: TaskTable, stations: StationTable, lines: Lines, room: Room, most: int, offer: Offer
 ) -> int:  # pragma: no cover - compiled
-    """Fill in the ready tasks that may be given out, the most urgent and oldest of each station; returns how many.
+    """Fill in the ready tasks that may be given out, the most urgent of each station; returns how many.
+
+    At each station the one that is due first and the oldest take turns, as in whole runs.
 
     Args:
         floor: What never changes.
         tasks: The tasks.
         stations: The stations.
+        lines: How the tasks stand in line.
         room: What stations have room for.
         most: Tasks of one pick station that are offered at once.
         offer: Receives the tasks.
     """
     for station in range(len(room.left)):
         room.left[station] = room.most[station] - stations.under_way[station]
-        room.offered[station] = 0
+    offer.round[0] += 1
     n = 0
-    for rank in range(3):
-        for task in range(tasks.window[0], tasks.window[1]):
-            if tasks.stage[task] != READY or tasks.rank[task] != rank:
+    for pick in range(len(room.left)):
+        end = lines.first[pick + 1]
+        for line, order in enumerate((lines.by_age, lines.by_due)):
+            while lines.head[line, pick] < end and tasks.stage[order[lines.head[line, pick]]] > READY:
+                lines.head[line, pick] += 1
+        oldest, due = lines.head[0, pick], lines.head[1, pick]
+        n_here, is_due = 0, True
+        while n_here < most and room.left[pick] > 0 and (oldest < end or due < end):
+            if due < end and (is_due or oldest >= end):
+                task = lines.by_due[due]
+                due += 1
+            else:
+                task = lines.by_age[oldest]
+                oldest += 1
+            if tasks.stage[task] != READY or lines.seen[task] == offer.round[0]:
                 continue
-            pick, drop = tasks.pick[task], tasks.drop[task]
-            if room.left[pick] <= 0 or room.left[drop] <= 0 or room.offered[pick] >= most:
-                continue
-            offer.task[n] = task
-            offer.begin[n] = (stations.under_way[pick] + room.offered[pick]) * floor.cycle_steps[pick]
-            room.left[pick] -= 1
-            room.left[drop] -= 1
-            room.offered[pick] += 1
-            n += 1
+            lines.seen[task] = offer.round[0]
+            is_due = not is_due
+            if room.left[tasks.drop[task]] > 0:
+                offer.task[n] = task
+                offer.begin[n] = (stations.under_way[pick] + n_here) * floor.cycle_steps[pick]
+                room.left[pick] -= 1
+                room.left[tasks.drop[task]] -= 1
+                n_here += 1
+                n += 1
     return n

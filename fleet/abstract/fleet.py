@@ -33,6 +33,7 @@ from fleet.abstract.kernel import (
     TaskTable,
 )
 from fleet.config import AllocationConfig
+from fleet.errors import FleetError
 from fleet.missions.admission import NEAR_MOVES
 from fleet.missions.ways import EMERGENCY_RANK_S, LOADED_RANK_S
 from fleet.robots.arms.spec import UsualService
@@ -46,6 +47,9 @@ from planners.mapf.pibt import Stepper
 
 TIMESTEP_S = 1.0
 """Time of one move: a cell of 1 m at the 1 m/s of aisles [s]."""
+DOCKING_S = 1.5
+"""What braking into a dock and going off again takes longer than moves at speed: drives of kinematic cars to their
+docks on `small` and `medium` take 2 s more than their moves, curves and traffic included [s]."""
 STATION_CAP = AllocationConfig.station_cap_n
 """Cars near one station at once, as in any run."""
 ROOM_S = 60.0
@@ -56,6 +60,10 @@ MOST_DISTANCE_BYTES = 3_500_000_000
 """Memory for the distances of one site: 10,000 parking places on a floor of 60,000 cells."""
 N_KINDS = 4
 """Kinds of moves of a car: straight, left, right, reverse."""
+
+
+class FloorTooLarge(FleetError):
+    """The distances of a site need more memory than a fleet may take."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -84,7 +92,7 @@ class FleetSite:
             station_cap: Cars near one station at once, at most.
 
         Raises:
-            DistanceTableFull: Distances to all places of the site need more than `MOST_DISTANCE_BYTES`.
+            FloorTooLarge: Distances to all places of the site need more than `MOST_DISTANCE_BYTES`.
         """
         graph = build_lane_graph(site)
         docks = [graph.state_at(place.dock.cell, place.dock.heading) for place in site.stations]
@@ -92,14 +100,16 @@ class FleetSite:
         chargers = [int(graph.states_of_cell(cell)[0]) for cell in site.chargers]
         goals = np.array([*docks, *spots, *chargers], dtype=np.int32)
         needed = 2 * graph.n_states * len(np.unique(goals))
-        table = DistanceTable(
-            graph,
-            np.zeros(graph.n_cells, dtype=np.bool_),
-            memory_cap=max(MEMORY_CAP_BYTES, min(needed, MOST_DISTANCE_BYTES)),
-        )
-        distance, row = table.rows(goals)
+        if needed > MOST_DISTANCE_BYTES:
+            raise FloorTooLarge(
+                f"site {site.name}: the distances to its {len(np.unique(goals)):,} docks, parking places and chargers "
+                f"need {needed / 1e9:.1f} GB; valid: at most {MOST_DISTANCE_BYTES / 1e9:.1f} GB"
+            )
+        nowhere = np.zeros(graph.n_cells, dtype=np.bool_)
+        distance, row = DistanceTable(graph, nowhere, memory_cap=max(MEMORY_CAP_BYTES, needed)).rows(goals)
         usual = UsualService(mean_s=PRIOR_MEAN_S, p90_s=PRIOR_MEAN_S, load_s=PRIOR_MEAN_S, unload_s=PRIOR_MEAN_S)
         times = [usual] * len(docks) if services is None else services
+        docking_s = 0.0 if services is None else DOCKING_S
         k, n = len(docks), len(docks) + len(spots)
         floor = Floor(
             distance=distance,
@@ -110,8 +120,8 @@ class FleetSite:
             charger_state=goals[n:],
             charger_row=row[n:].astype(np.int32),
             service_steps=round(PRIOR_MEAN_S / TIMESTEP_S),
-            load_steps=_steps(time.load_s for time in times),
-            unload_steps=_steps(time.unload_s for time in times),
+            load_steps=_steps(docking_s + time.load_s for time in times),
+            unload_steps=_steps(docking_s + time.unload_s for time in times),
             cycle_steps=_steps(time.mean_s for time in times),
             station_cap=np.array([_room_near(place, station_cap) for place in site.stations], dtype=np.int32),
             near_moves=NEAR_MOVES,
@@ -258,8 +268,8 @@ def _farthest(ways: npt.NDArray[np.uint16]) -> int:
 
 
 def _steps(times_s: Iterable[float]) -> npt.NDArray[np.int32]:
-    """Times as whole timesteps, rounded up."""
-    return np.array([math.ceil(time_s / TIMESTEP_S) for time_s in times_s], dtype=np.int32)
+    """Times as whole timesteps, at least one."""
+    return np.array([max(1, round(time_s / TIMESTEP_S)) for time_s in times_s], dtype=np.int32)
 
 
 def cars_at_start(floor: Floor, n_cars: int) -> CarTable:

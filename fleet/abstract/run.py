@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, is_dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -20,10 +20,10 @@ from fleet.robots.cars.models import usual_car
 from fleet.run.orders import orders_of
 from fleet.tasks.order import Delivery, Order, ability_of
 from fleet.world.site_scene import arms_of
-from maps.site import load_site
+from maps.site import Site, load_site
 
 STALL_STEPS = 300
-"""A run whose tasks have not changed for so many timesteps has come to a stand."""
+"""A run whose tasks have not changed for so many timesteps has come to a stand, where no way is half as long."""
 _HEEDED = {
     *("site", "robots", "tasks", "stream", "orders", "seed", "duration_s", "fidelity", "allocation"),
     # What physics engines are told.
@@ -53,29 +53,29 @@ class AbstractRun:
         fleet: The cars, the tasks and the stations.
         accounts: Where their time went.
         orders: What is to be done, ascending in release.
+        refused: Orders that nobody can do.
 
     Args:
         config: Of fidelity `abstract`.
 
     Raises:
-        ConfigError: A setting asks for what abstract runs do not have, or the site has no parking place for each car.
-        DistanceTableFull: The site is too large.
-        OrdersError: The orders cannot be read, or are none that such a run knows.
+        ConfigError: See `require_abstract` and `require_plain`; or the allocator plans ahead.
+        FloorTooLarge: The distances of the site need too much memory.
+        OrdersError: The orders cannot be read, or none can be accepted.
         PlanningError: There is no such allocator.
         SiteError: The site cannot be read.
     """
 
     def __init__(self, config: RunConfig) -> None:
-        _check(config)
         self.config = config
         site = load_site(config.site)
-        fits = config.robots <= len(site.parking)
-        require(fits, "--robots", config.robots, f"1 to {len(site.parking)} with --fidelity abstract (parking cells)")
+        require_abstract(config, site)
         payload_kg = usual_car().max_payload_kg
         abilities = [ability_of(car, payload_kg) for car in range(config.robots)]
         orders_seed, traffic_seed = np.random.SeedSequence(config.seed).spawn(2)
         book = orders_of(config, site, abilities, np.random.default_rng(orders_seed))
-        self.orders = [_delivery(order) for order in book.orders]
+        self.orders = [require_plain(order) for order in book.orders]
+        self.refused = book.refused
         services = [spec.service for spec in arms_of(site, config.grip, config.arms).specs]
         place = FleetSite.of(site, services, config.allocation.station_cap_n)
         self.fleet = GridFleet(place, config.robots, self.orders, int(traffic_seed.generate_state(1)[0]))
@@ -90,8 +90,10 @@ class AbstractRun:
 
     @property
     def stalled(self) -> bool:
-        """Whether work is open and for `STALL_STEPS` no task has changed."""
-        return self.fleet.now - self._changed > STALL_STEPS and not self.done
+        """Whether work is open and no task has changed for long, and no order was still to come."""
+        if self.fleet.now - self._changed <= max(STALL_STEPS, 2 * self.fleet.place.far_steps) or self.done:
+            return False
+        return not (self.fleet.tasks.stage == Stage.ORDERED).any()
 
     @property
     def done(self) -> bool:
@@ -137,28 +139,40 @@ class AbstractRun:
         return digest.hexdigest()[:16]
 
 
-def _check(config: RunConfig) -> None:
-    """Refuse settings that would have no effect."""
-    abstract = "with --fidelity abstract"
-    require(config.fidelity is Fidelity.ABSTRACT, "fidelity", str(config.fidelity), "abstract")
-    planner = TrafficConfig.usual(config.fidelity).planner
-    fits = config.traffic.planner == planner and not config.traffic.planner_settings
-    require(fits, "--planner", config.traffic.planner, f"{planner}, without settings, {abstract}")
-    usual = RunConfig()
+def require_abstract(config: RunConfig, site: Site) -> None:
+    """Refuse settings that would have no effect, and sites that abstract runs do not know.
+
+    Raises:
+        ConfigError: The first setting is named, with the value that it may have; or cars may reverse on the site, or it
+            has no parking place for each.
+    """
+    require(config.fidelity is Fidelity.ABSTRACT, "fidelity", str(config.fidelity), str(Fidelity.ABSTRACT))
+    arms = ArmConfig(model=config.arms.model, workers_n=config.arms.workers_n)
+    usual = RunConfig(fidelity=config.fidelity, traffic=TrafficConfig.usual(config.fidelity), arms=arms)
     for field in fields(RunConfig):
-        value, default = getattr(config, field.name), getattr(usual, field.name)
-        if field.name in _HEEDED or field.name == "traffic":
+        if field.name in _HEEDED:
             continue
-        if field.name == "arms":
-            default = ArmConfig(model=config.arms.model, workers_n=config.arms.workers_n)
-        if field.name == "battery":
-            require(not config.battery.enabled, "battery.enabled", True, f"false {abstract}")
-            continue
-        require(value == default, field.name, value, f"{default} {abstract}")
+        value, valid = getattr(config, field.name), getattr(usual, field.name)
+        groups = [(field.name, value, valid)]
+        if is_dataclass(value):
+            groups = [
+                (f"{field.name}.{own.name}", getattr(value, own.name), getattr(valid, own.name))
+                for own in fields(value)
+            ]
+        for name, told, fits in groups:
+            require(told == fits, name, told, f"{fits!r} with --fidelity abstract")
+    ways = "a site with lanes of one way, with --fidelity abstract"
+    require(not site.allow_reverse, "--site", f"{site.name}, where cars may reverse", ways)
+    most = len(site.parking)
+    require(config.robots <= most, "--robots", config.robots, f"1 to {most} with --fidelity abstract (parking cells)")
 
 
-def _delivery(order: Order) -> Delivery:
-    """An order, if it is one that abstract runs know."""
+def require_plain(order: Order) -> Delivery:
+    """An order, if it is one that abstract runs know.
+
+    Raises:
+        ConfigError: It is a visit, or asks for something of other orders or of its car.
+    """
     if isinstance(order, Delivery) and not (order.after or order.needs or order.same_car_as):
         return order
     valid = "deliveries that ask for nothing of other orders or of their cars, with --fidelity abstract"

@@ -202,6 +202,8 @@ class Study:
             value, option = getattr(self, name), f"--{name.replace('_', '-')}"
             if name == "rate" and self.resume and self.orders is None:
                 value = design.stream.rate_per_h
+            if name == "planner":
+                value = design.planner
             if value is True:
                 said.append(option)
             elif value not in (None, False):

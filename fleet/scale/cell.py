@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from fleet.abstract.fleet import FloorTooLarge
 from fleet.abstract.run import AbstractRun
 from fleet.arrays import FloatArray
 from fleet.config import ArmConfig, Fidelity, PhysicsConfig, RunConfig, TrafficConfig
@@ -100,7 +101,7 @@ def run_cell(
                 return "interrupted"
             if time.time() > until:
                 return f"did not start within {wall_s:.0f} s"
-        answer: CellFigures | FleetError = here.recv()
+        answer: CellFigures | str | FleetError = here.recv()
     except EOFError:
         process.join()
         return f"its process died ({process.exitcode}), perhaps for want of memory"
@@ -119,6 +120,8 @@ def _answer(
     begin_process()
     try:
         there.send(measure_cell(n_cars, fidelity, floor, until, most_sim_s, n_workers))
+    except FloorTooLarge as error:
+        there.send(str(error))
     except FleetError as error:
         there.send(error)
 
@@ -143,6 +146,7 @@ def measure_cell(
 
     Raises:
         FleetError: The run was refused.
+        FloorTooLarge: The floor has no room in memory at this fidelity.
     """
     begin = time.perf_counter()
     if not floor.exists():

@@ -9,6 +9,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from fleet.abstract.allocation import make_allocator
+from fleet.abstract.run import require_abstract, require_plain
+from fleet.config import Fidelity
 from fleet.config.field_checks import is_number, is_whole
 from fleet.recording.run_file import plain
 from fleet.robots.cars.models import usual_car
@@ -54,11 +57,19 @@ def check(design: Design) -> None:
     for allocator in design.allocators:
         allocator_named(allocator, design.allocator_settings.get(allocator, {}), what="--allocators")
     design.run_config(design.variants[0]).traffic.make_planner(seed=0)
+    is_abstract = design.fidelity is Fidelity.ABSTRACT
+    if is_abstract:
+        for variant in design.variants:
+            config = design.run_config(variant)
+            require_abstract(config, site)
+            make_allocator(config.allocation)
     if design.orders is not None:
         payload_kg = usual_car().max_payload_kg
         # What the smallest fleet can do all can.
         cars = [ability_of(car, payload_kg) for car in range(min(design.robots))]
-        read_orders(design.orders, site, cars, n_chargers=len(site.chargers) if design.battery else 0)
+        book = read_orders(design.orders, site, cars, n_chargers=len(site.chargers) if design.battery else 0)
+        for order in book.orders if is_abstract else ():
+            require_plain(order)
 
 
 def run_study(

@@ -77,8 +77,19 @@ def test_the_fit_finds_the_same_car_again(tmp_path: Path, capsys: pytest.Capture
     assert (tmp_path / "b.json").read_bytes() == (tmp_path / "a.json").read_bytes()
 
 
-def test_a_small_capacity(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    called("capacity", "--robots", "1,2", "--fidelities", "grid", "--minutes", "0.7", "--out", str(tmp_path))
+def test_abstract_runs_deliver_what_whole_ones_do(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = "small --robots 6 --seeds 2 --duration 600 --fidelities kinematic,abstract"
+    called("gap", *words.split(), "--out", str(tmp_path))
+    assert "abstract: contacts between robots: 0" in capsys.readouterr().out
+    gaps = {gap["figure"]: gap for gap in json.loads((tmp_path / "gap.json").read_text())["gaps"]}
+    assert abs(gaps["deliveries [1/h]"]["share"]["mean"]) < 0.06
+    assert abs(gaps["drive to the drop dock [s]"]["difference"]["mean"]) < 4.0
+    assert abs(gaps["arrival at a dock [s]"]["share"]["mean"]) < 0.25
+
+
+@pytest.mark.parametrize("fidelity", ["grid", "abstract"])
+def test_a_small_capacity(fidelity: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    called("capacity", "--robots", "1,2", "--fidelities", fidelity, "--minutes", "0.7", "--out", str(tmp_path))
     said = capsys.readouterr().out
     assert "real-time factor" in said
     cells = json.loads((tmp_path / "capacity.json").read_text())["cells"]

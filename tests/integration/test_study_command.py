@@ -72,7 +72,14 @@ def test_two_allocators_two_sizes_two_seeds(tmp_path: Path, capsys: pytest.Captu
         (["--jobs", "x"], "--jobs is 'x'; valid: an integer"),
         (["--duration", "-1"], "--duration is -1.0"),
         (["--jobs", "0"], "--jobs is 0"),
-        (["--fidelity", "physics"], "--fidelity is 'physics'; valid: mixed, kinematic, grid"),
+        (["--fidelity", "physics"], "--fidelity is 'physics'; valid: mixed, kinematic, grid, abstract"),
+        (["--fidelity", "abstract", "--battery"], "battery.enabled is True; valid: False with --fidelity abstract"),
+        (
+            ["--fidelity", "abstract", "--planner", "window_search"],
+            "traffic.planner is 'window_search'; valid: 'pibt' with --fidelity abstract",
+        ),
+        (["--fidelity", "abstract", "--site", "two_way"], "valid: a site with lanes of one way"),
+        (["--fidelity", "abstract", "--allocators", "regret_lns"], "--allocator is 'regret_lns'; valid: one that"),
         (["--planner", "nobody"], "--planner is 'nobody'; valid: pibt"),
         (["--site", "nowhere"], "nowhere"),
         (["--stream", "x"], "--stream is 'x'; valid: poisson, waves"),
@@ -167,3 +174,23 @@ def test_ctrl_c_keeps_what_is_done_and_leaves_nobody_behind(repository: Path, tm
     while group_lives(process.pid):
         assert time.monotonic() < end
         time.sleep(0.05)
+
+
+def test_an_abstract_study_is_a_study(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = "--fidelity abstract --site small --robots 2,6 --seeds 2 --duration 600 --rate 600 --allocators greedy,fifo"
+    assert study(tmp_path / "a", *words.split(), "--jobs", "2") == 0
+    assert "greedy: most tasks with 6 cars" in capsys.readouterr().out
+    assert "--fidelity abstract" in (page := (tmp_path / "a" / "study.html").read_text(encoding="utf-8"))
+    assert "--planner pibt" in page
+    rows = read_rows(tmp_path / "a" / CSV_FILE)
+    assert [(row.allocator, row.robots, row.seed) for row in rows] == [
+        (allocator, robots, seed) for allocator in ("fifo", "greedy") for robots in (2, 6) for seed in (0, 1)
+    ]
+    for row in rows:
+        assert 20 < row.done <= row.released
+        assert row.tardiness_s is not None
+        assert row.on_time_share is not None
+        assert sum(getattr(row, name) for name in ("driving_loaded", "driving_empty", "traffic", "queue")) < 1.0
+        assert set(row.station_shares) == {"pick_1", "pick_2", "drop_1", "drop_2"}
+    assert study(tmp_path / "b", *words.split(), "--jobs", "1") == 0
+    assert (tmp_path / "b" / CSV_FILE).read_bytes() == (tmp_path / "a" / CSV_FILE).read_bytes()
