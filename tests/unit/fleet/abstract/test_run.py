@@ -203,7 +203,7 @@ def test_a_whole_run_is_refused_this_fidelity_and_an_abstract_one_all_others() -
 
 
 def test_a_floor_that_needs_too_much_memory_is_refused(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr("fleet.abstract.fleet.MOST_DISTANCE_BYTES", 10_000)
+    monkeypatch.setattr("fleet.abstract.fleet.MOST_DISTANCE_BYTES", 5_000)
     with pytest.raises(FloorTooLarge, match=r"site small: the distances to its .* valid: at most 0.0 GB"):
         AbstractRun(SMALL)
     with pytest.raises(FloorTooLarge):
