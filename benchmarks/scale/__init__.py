@@ -1,12 +1,12 @@
 """Scale: how fast fleets of 50 to 10,000 cars are simulated, and how far fidelities agree; one file per kind of groups.
 
-`python -m benchmarks.scale [--only kinematic | large | grid | mixed | physics | recorded | bare | study | agreement]`.
+`python -m benchmarks.scale [--only GROUP]`, a group of `GROUPS`.
 """
 
 from __future__ import annotations
 
 from benchmarks.harness import grouped
-from benchmarks.scale.agreement import measure_agreement
+from benchmarks.scale.agreement import measure_agreement, measure_large_agreement
 from benchmarks.scale.bare_loop import measure_bare_loop
 from benchmarks.scale.recorded import measure_recorded
 from benchmarks.scale.speed import measure_grid, measure_kinematic, measure_large, measure_mixed, measure_physics
@@ -22,6 +22,7 @@ GROUPS = {
     "bare": measure_bare_loop,
     "study": measure_study,
     "agreement": measure_agreement,
+    "agreement_large": measure_large_agreement,
 }
 
 BENCHMARK = grouped(
