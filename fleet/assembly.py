@@ -209,7 +209,7 @@ def assemble(
     horizon = RollingHorizon(config.allocation, missions, ways, routes, loads)
     solver = Solver(config.allocation, log)
     visit_queue = VisitQueue(missions, places, ways, reasons)
-    offers = Offers(missions, ways, routes, fitness, open_deliveries, visit_queue)
+    offers = Offers(missions, ways, routes, fitness, open_deliveries, visit_queue, config.allocation)
     allocation = parts.allocation(missions, cost_model, solver, offers, turns, horizon, reasons)
     tray_of = scene.cars.tray_of
     transfers = Transfers(inventory, perception, arm_manager, driver, world, tray_of)

@@ -44,7 +44,7 @@ class Lines(NamedTuple):
     """Round in which each task was last looked at, shape (m,)."""
 
 
-class Offer(NamedTuple):
+class OfferTable(NamedTuple):
     """Tasks on offer, at least as long as the table of tasks."""
 
     task: Ints
@@ -78,7 +78,7 @@ class AbstractAllocation:
             left=np.empty(k, dtype=np.int32),
         )
         self._lines = _lines(fleet.tasks, k)
-        self._offer = Offer(
+        self._offer = OfferTable(
             task=np.empty(m, dtype=np.int32), begin=np.empty(m, dtype=np.int32), round=np.zeros(1, dtype=np.int32)
         )
         self._n_picks = max(1, len(fleet.place.site.station_names("pick")))
@@ -167,7 +167,7 @@ def _lines(tasks: TaskTable, n_stations: int) -> Lines:
 
 @compiled
 def _find_offers(
-    floor: Floor, tasks: TaskTable, stations: StationTable, lines: Lines, room: Room, most: int, offer: Offer
+    floor: Floor, tasks: TaskTable, stations: StationTable, lines: Lines, room: Room, most: int, offer: OfferTable
 ) -> int:  # pragma: no cover - compiled
     """Fill in the ready tasks that may be given out, the most urgent of each station; returns how many.
 

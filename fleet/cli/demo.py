@@ -187,7 +187,7 @@ class Demo:
         """Refuse what only the command line can get wrong; the rest is checked by `RunConfig`."""
         require_live(self.speed, self.port)
         for option, given, fits, valid in (
-            ("--gui", self.gui, self.fidelity is Fidelity.PHYSICS, "with --fidelity physics"),
+            ("--gui", self.gui, self.fidelity == Fidelity.PHYSICS, "with --fidelity physics"),
             ("--serve", self.serve, not self.no_record, "without --no-record"),
             ("--port", self.port != type(self).port, self.serve, "with --serve"),
             ("--lidar", self.lidar, not self.no_record or self.bridge is not None, "without --no-record"),

@@ -39,6 +39,9 @@ class AllocationConfig(Settings):
     """A car that is under way to a pick station gives its task away only if more than this is gained [s] ..."""
     keep_share: float = 0.1
     """... and more than this share of what the task costs it."""
+    busy_s: float = 40.0
+    """The arm of a drop station is busy whose work takes so much longer than the longest way to parcels [s]: its tasks
+    do not keep those of others from being looked at. inf = they do."""
     fill_trays: bool = True
     """Cars whose trays have places for several parcels take more at a station before they leave it."""
 
@@ -50,6 +53,7 @@ class AllocationConfig(Settings):
         not_negative("allocation.due", self.due)
         not_negative("allocation.late_s", self.late_s)
         not_negative("allocation.keep_gain_s", self.keep_gain_s)
+        require(self.busy_s >= 0, "allocation.busy_s", self.busy_s, "a number >= 0, or inf")
         require(0 <= self.keep_share <= 1, "allocation.keep_share", self.keep_share, "a number from 0 to 1")
 
     def make_allocator(self) -> Allocator:

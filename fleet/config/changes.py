@@ -16,6 +16,7 @@ CHANGEABLE = (
     "allocation.late_s",
     "allocation.keep_gain_s",
     "allocation.keep_share",
+    "allocation.busy_s",
     # The planner is made anew; the others count from the next request, or the next grant, on.
     "traffic.planner",
     "traffic.planner_settings",

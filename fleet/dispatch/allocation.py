@@ -81,6 +81,7 @@ class TaskAllocation:
         """Go on with other settings."""
         self._cost_model.change(config)
         self._solver.change(config)
+        self._offers.change(config)
         self._horizon.change(config)
 
     @property

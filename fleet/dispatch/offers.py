@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from fleet.config import AllocationConfig
 from fleet.dispatch.cost_model import CostMatrix
 from fleet.dispatch.fitness import Fitness
 from fleet.missions.state import Missions
@@ -48,6 +49,7 @@ class Offers:
         fitness: Which cars can do what.
         open_deliveries: Deliveries that no car has.
         visit_queue: Visits that no car has.
+        config: When drop stations are busy.
     """
 
     def __init__(
@@ -58,6 +60,7 @@ class Offers:
         fitness: Fitness,
         open_deliveries: OpenDeliveries,
         visit_queue: VisitQueue,
+        config: AllocationConfig,
     ) -> None:
         self._stations = missions.stations
         self._ways = ways
@@ -66,7 +69,13 @@ class Offers:
         self._open = open_deliveries
         self._visit_queue = visit_queue
         self._loading = missions.stations.loading()
+        self._busy_drops: set[str] = set()
+        self._config = config
         self._docks = np.array([station.dock_state for station in self._loading], dtype=np.int32)
+
+    def change(self, config: AllocationConfig) -> None:
+        """Go on with other settings."""
+        self._config = config
 
     def of(
         self,
@@ -90,6 +99,7 @@ class Offers:
         offered: set[int] = set()
         moves = self._ways.moves_to(states, self._docks)
         far_s = MOVE_S * np.where(moves < UNREACHABLE, moves, 0).max(axis=1, initial=0)
+        self._find_busy_drops(turns, float(far_s.max(initial=0.0)))
         n_free = len(cars) - n_held
         share = min(n_free, -(-2 * n_free // max(1, len(self._loading)))) + min(n_held, N_EXCHANGED)
         fits: dict[int, bool] = {}
@@ -145,15 +155,29 @@ class Offers:
                 full.add(k)
         return offered, full
 
+    def _find_busy_drops(self, turns: TakenTurns, far_s: float) -> None:
+        """Find the drop stations whose arms have so much to do that who sets off now would wait there for long."""
+        work_s = np.diff(turns.first) * turns.pace.cycle_s
+        self._busy_drops = {
+            self._stations[arm].name for arm in (work_s > far_s + self._config.busy_s).nonzero()[0].tolist()
+        }
+
     def _first(self, urgent: Iterator[Task], most: int, fits_any: Callable[[Task], bool]) -> list[Task]:
-        """The first so many that one of some cars can do, and those before them, which nobody can do at present."""
+        """The first so many that one of some cars can do, and those before them, which nobody can do at present.
+
+        Of those that go to busy drop stations there are as many besides: else the oldest tasks were all for a station
+        that has too much to do already, and none for those that have nothing.
+        """
         found: list[Task] = []
+        left = {False: most, True: most}
         for task in urgent:
-            if not self._stations.is_open(task.delivery.drop):
+            drop = task.delivery.drop
+            is_busy = drop in self._busy_drops
+            if not self._stations.is_open(drop) or left[is_busy] == 0:
                 continue
             found.append(task)
-            most -= fits_any(task)
-            if most == 0:
+            left[is_busy] -= fits_any(task)
+            if left[False] == 0:
                 break
         return found
 

@@ -12,7 +12,7 @@ import tyro
 from fleet.cli.arguments import OPTIONS, explain, read_words
 from fleet.cli.demo import Demo
 from fleet.cli.main import COMMANDS, GROUPS, SITE_COMMANDS, main
-from fleet.config import EVENT_KINDS, Fidelity, Grip, Perception, RunConfig, StreamKind
+from fleet.config import EVENT_KINDS, WHOLE, Fidelity, Grip, Perception, RunConfig, StreamKind
 from planners.allocation import ALLOCATORS
 from planners.mapf import ONE_SHOT_PLANNERS, PLANNERS
 
@@ -118,10 +118,10 @@ def test_the_demo_has_the_defaults_of_a_run() -> None:
     assert command.allocator == config.allocation.allocator
 
 
-@pytest.mark.parametrize("choice", [*Fidelity, *Grip, *Perception])
+@pytest.mark.parametrize("choice", [*WHOLE, *Grip, *Perception])
 def test_every_choice_parses_as_it_is_written(choice: Fidelity | Grip | Perception) -> None:
     option = type(choice).__name__.lower()
-    assert getattr(parsed("demo", f"--{option}", choice.value), option) is choice
+    assert getattr(parsed("demo", f"--{option}", choice.value), option) == choice
 
 
 def test_every_option_of_the_demo_takes_another_value() -> None:
@@ -205,7 +205,7 @@ def test_the_demo_s_help_names_every_choice(capsys: pytest.CaptureFixture[str]) 
     with pytest.raises(SystemExit):
         main(["demo", "--help"])
     said = capsys.readouterr().out
-    for name in (*PLANNERS, *ALLOCATORS, *EVENT_KINDS, *Grip, *Perception, *Fidelity, *StreamKind):
+    for name in (*PLANNERS, *ALLOCATORS, *EVENT_KINDS, *Grip, *Perception, *WHOLE, *StreamKind):
         assert name in said
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from fleet.cli.main import main
-from fleet.config import ArmConfig, Fidelity, RunConfig
+from fleet.config import WHOLE, ArmConfig, Fidelity, RunConfig
 from fleet.errors import FleetError
 from fleet.insight.metrics import Summary
 from fleet.recording.check import verify_recording
@@ -93,7 +93,7 @@ def test_a_second_run_replaces_the_files_of_the_first(tmp_path: Path) -> None:
     assert json.loads((tmp_path / "result.json").read_text(encoding="utf-8"))["seed"] == 1
 
 
-@pytest.mark.parametrize("fidelity", list(Fidelity))
+@pytest.mark.parametrize("fidelity", WHOLE)
 def test_a_run_that_is_closed_says_so(fidelity: Fidelity) -> None:
     simulation = Simulation(RunConfig(site="cell", robots=1, arms=ArmConfig(workers_n=0), fidelity=fidelity))
     simulation.tick()

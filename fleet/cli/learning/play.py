@@ -119,7 +119,7 @@ class Play:
         require_with("--serve", self.serve, self.record, "with --record")
         require_with("--port", self.port != type(self).port, self.serve, "with --serve")
         require_with("--view", self.view, self.record, "with --record")
-        has_stops = self.fidelity is not Fidelity.GRID
+        has_stops = self.fidelity != Fidelity.GRID
         require_with("--docking", "docking" in told, has_stops, "with --fidelity kinematic, mixed or physics")
         from fleet.play.decisions import write_decisions
         from fleet.play.policies import played_policy

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
 import pytest
 
+from fleet.config import AllocationConfig
 from fleet.dispatch.offers import N_SPARE, Offer
 from fleet.tasks.order import Ability, Priority
 from tests.unit.fleet.missions.floor import Floor, delivery, visit
@@ -103,6 +105,21 @@ def test_who_can_do_it_counts_among_the_cars_that_are_asked() -> None:
     floor = ready(*many(6), abilities=abilities)
     assert names(offer(floor, [0])) == ["o0"]
     assert len(offer(floor, [1]).tasks) > 1
+
+
+def test_the_oldest_for_a_busy_drop_station_do_not_hide_the_others() -> None:
+    """All fourteen cars stood before one arm, the other had nothing to do, and a third was delivered less."""
+    orders = [delivery("a"), delivery("b"), *many(6), *(delivery(name, drop="drop_2") for name in "pq")]
+    floor = Floor(orders=orders, n_cars=3)
+    floor.assigned("a", car=0)
+    floor.assigned("b", car=2)
+    for order in (*many(6), delivery("p"), delivery("q")):
+        floor.ready(order.name)
+    hidden, seen = ["o0", "o1", "o2", "o3"], ["o0", "o1", "o2", "o3", "p", "q"]
+    # The work for drop_1 is that of two cars, 20 s; the longest way of the other one is 11 s.
+    for busy_s, offered in ((40.0, hidden), (9.1, hidden), (8.9, seen), (math.inf, hidden), (0.0, seen)):
+        floor.offers.change(AllocationConfig(busy_s=busy_s))
+        assert names(offer(floor, [1])) == offered
 
 
 def test_what_is_due_first_is_begun_first() -> None:

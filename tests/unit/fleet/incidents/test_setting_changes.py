@@ -29,7 +29,10 @@ def held(simulation: Simulation) -> dict[str, Any]:
     allocation = simulation.view.assignments.allocation
     interventions = simulation.dispatcher.rules.interventions
     return {
-        "allocation": [part._config for part in (allocation._solver, allocation._cost_model, allocation._horizon)],
+        "allocation": [
+            part._config
+            for part in (allocation._solver, allocation._cost_model, allocation._horizon, allocation._offers)
+        ],
         "traffic": [simulation.traffic._config, simulation.executor._config],
         "timeouts": [interventions._limits],
     }

@@ -400,7 +400,15 @@ class Floor:
 
     @cached_property
     def offers(self) -> Offers:
-        return Offers(self.missions, self.ways, self.routes, self.fitness, self.open_deliveries, self.visit_queue)
+        return Offers(
+            self.missions,
+            self.ways,
+            self.routes,
+            self.fitness,
+            self.open_deliveries,
+            self.visit_queue,
+            self.allocation_config,
+        )
 
     @cached_property
     def allocation(self) -> TaskAllocation:

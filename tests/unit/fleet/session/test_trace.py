@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from fleet.config import ArmConfig, Fidelity, RunConfig
+from fleet.config import WHOLE, ArmConfig, Fidelity, RunConfig
 from fleet.recording import RecordingError
 from fleet.recording.run_file import EVENTS
 from fleet.recording.trace_file import TRACE, read_trace
@@ -17,7 +17,7 @@ def config(fidelity: Fidelity) -> RunConfig:
     return RunConfig(site="cell", robots=1, fidelity=fidelity, arms=ArmConfig(workers_n=0))
 
 
-@pytest.mark.parametrize("fidelity", Fidelity)
+@pytest.mark.parametrize("fidelity", WHOLE)
 def test_no_more_than_half_a_second_is_not_yet_written(fidelity: Fidelity, tmp_path: Path) -> None:
     with Simulation(config(fidelity)) as simulation, Tracer(simulation.view, tmp_path, "name") as tracer:
         for tick in range(1, 100):
