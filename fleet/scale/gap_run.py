@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 
-from fleet.abstract.fleet import one_per_order
 from fleet.abstract.kernel import Phase
 from fleet.abstract.run import AbstractRun
 from fleet.config import ArmConfig, Fidelity, RunConfig, StreamConfig, TrafficConfig, require
@@ -170,23 +169,23 @@ class _DockWatch:
     def __init__(self, run: AbstractRun, docks: _Docks) -> None:
         self._docks = docks
         self._phase = run.fleet.cars.phase.copy()
-        self._task = run.fleet.cars.task.copy()
         self._since_s = np.zeros(len(self._phase))
-        counts = one_per_order(run.fleet.tasks)
-        self._order_of = np.cumsum(run.fleet.tasks.order == np.arange(len(counts))) - 1
+        # Tasks of one order follow each other.
+        first = run.fleet.tasks.order
+        self._order_of = np.cumsum(first == np.arange(len(first))) - 1
 
     def look(self, run: AbstractRun) -> None:
         """Take in a timestep."""
         phase = run.fleet.cars.phase
         for car in np.flatnonzero(phase != self._phase).tolist():
-            before, now, took_s = int(self._phase[car]), int(phase[car]), run.sim_s - self._since_s[car]
-            order = run.orders[self._order_of[run.fleet.cars.task[car]]]
-            if now == Phase.LOADING:
-                self._docks.arrivals_s[f"{order.name} pick"] = round(run.sim_s - order.release_s, 3)
-            elif now == Phase.UNLOADING:
-                self._docks.arrivals_s[f"{order.name} drop"] = round(run.sim_s - order.release_s, 3)
+            took_s = run.sim_s - self._since_s[car]
+            if phase[car] in (Phase.LOADING, Phase.UNLOADING):
+                order = run.orders[self._order_of[run.fleet.cars.task[car]]]
+                end = "pick" if phase[car] == Phase.LOADING else "drop"
+                self._docks.arrivals_s[f"{order.name} {end}"] = round(run.sim_s - order.release_s, 3)
+            if phase[car] == Phase.UNLOADING:
                 self._docks.drives_s.append(took_s)
-            if before in (Phase.LOADING, Phase.UNLOADING):
+            if self._phase[car] in (Phase.LOADING, Phase.UNLOADING):
                 self._docks.services_s.append(took_s)
             self._since_s[car] = run.sim_s
         self._phase[:] = phase

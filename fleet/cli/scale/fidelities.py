@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from fleet.config import Fidelity, require
+from fleet.config import WHOLE, Fidelity, require
 
-EVERY = ",".join(Fidelity)
-"""All of them."""
+EVERY, EVERY_WHOLE = ",".join(Fidelity), ",".join(WHOLE)
+"""All of them, and those of whole runs."""
 
 
 def parse_fidelities(text: str) -> tuple[Fidelity, ...]:

@@ -12,7 +12,7 @@ import tyro
 from rich.table import Table
 
 from fleet.cli.run_output import INTERRUPTED, PLAIN_WIDTH, plain_console
-from fleet.cli.scale.fidelities import EVERY, parse_fidelities
+from fleet.cli.scale.fidelities import EVERY_WHOLE, parse_fidelities
 from fleet.config import StreamConfig, require
 from fleet.outputs import require_folder
 from fleet.study.design import ORDERS_PER_CAR_H
@@ -37,9 +37,9 @@ class GapCommand:
     """Number of seeds; each has its own orders, the same at every fidelity. Intervals need two or more."""
     duration: float = 600.0
     """Simulated time of each run [s]."""
-    fidelities: str = EVERY
+    fidelities: str = EVERY_WHOLE
     """Fidelities, separated by commas; the others are compared with physics, or with the first if it is not among
-    them."""
+    them. There is one more, abstract."""
     rate: float | None = None
     """Orders per hour; default 90 for each car, more than it can deliver."""
     orders: Path | None = None
