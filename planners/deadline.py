@@ -44,6 +44,11 @@ class Deadline:
         """Whether the time that has passed counts."""
         return self._end_s is not None
 
+    @property
+    def counts(self) -> bool:
+        """Whether iterations are limited."""
+        return self._limit is not None
+
     def spend(self, iterations: int = 1) -> bool:
         """Take iterations out of the budget.
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from copy import deepcopy
+from concurrent.futures import ThreadPoolExecutor
+from copy import copy, deepcopy
 from dataclasses import dataclass, replace
+from operator import itemgetter
 from typing import NamedTuple
 
 import numpy as np
@@ -18,6 +20,8 @@ from planners.mapf.multi_step.multi_step_kernel import wishes_to_stay
 from planners.mapf.multi_step.multi_step_pibt import Mover, rank_weights
 from planners.mapf.multi_step.priorities import NearestFirst
 
+THREADS = 2
+"""Candidates that are learnt at once; what comes out does not depend on it."""
 UNIT = 8
 """Cost of a wait, a turn or an unhindered move; a whole number, so that hindrance counts in eighths."""
 
@@ -110,16 +114,20 @@ def learn_guidance(
     deadline = Deadline() if deadline is None else deadline
     *streams, trial = np.random.default_rng(seed).spawn(config.candidates + 1)
     trial_config = replace(config, timesteps=config.trial_timesteps, length=config.length + 1)
-    best, most = np.full(graph.n_moves, UNIT, dtype=np.int32), -1
-    for rng in streams:
-        if most >= 0 and not deadline.spend():
-            break
-        move_cost = _learn(graph, costs, starts, errands, config, deadline, rng)
+
+    def outcome(number: int) -> tuple[int, IntArray]:
+        if number > 0 and not deadline.spend():
+            return -1, unweighed
+        own = copy(costs)
+        move_cost = _learn(graph, own, starts, errands, config, deadline, streams[number])
         if config.candidates == 1:
-            return move_cost  # there is nothing to choose from
-        n_done = _drive(graph, costs, move_cost, starts, errands, trial_config, deepcopy(trial)).n_done
-        if n_done > most:
-            best, most = move_cost, n_done
+            return 0, move_cost  # there is nothing to choose from
+        return _drive(graph, own, move_cost, starts, errands, trial_config, deepcopy(trial)).n_done, move_cost
+
+    unweighed = np.full(graph.n_moves, UNIT, dtype=np.int32)
+    # Iterations that are counted are spent in order.
+    with ThreadPoolExecutor(1 if deadline.counts else THREADS) as pool:
+        _, best = max(pool.map(outcome, range(config.candidates)), key=itemgetter(0))
     costs.weigh(best)
     return best
 

@@ -127,3 +127,14 @@ def test_settings_that_make_no_sense_are_refused(settings: dict[str, Any], said:
     with pytest.raises(PlanningError) as refused:
         GuidanceConfig(**settings)
     assert str(refused.value) == f"guidance: {said}"
+
+
+def test_candidates_learnt_at_once_come_out_as_one_after_the_other(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = []
+    for threads in (1, 2, 3):
+        monkeypatch.setattr(guidance, "THREADS", threads)
+        _, move_cost = shuttle(candidates=5)
+        found.append(move_cost)
+    assert (found[0] > UNIT).any()
+    assert (found[0] == found[1]).all()
+    assert (found[0] == found[2]).all()
