@@ -36,6 +36,10 @@ class _Steps(NamedTuple):
     """Timesteps busy, and contended, shape (2, k)."""
     waiting: npt.NDArray[np.int64]
     """Working memory: cars that wait for each station, shape (k,)."""
+    serves: npt.NDArray[np.bool_]
+    """Working memory: whether the arm of each station is at work on a car, shape (k,)."""
+    handling: npt.NDArray[np.int32]
+    """The last timesteps of a service, in which the arm is at work: to load and to unload, shape (2, k)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,9 +47,9 @@ class StationShare:
     """Where the time of one station went, as shares of it."""
 
     busy: float
-    """Its arm is at work."""
+    """Its arm is at work on a car."""
     contended: float
-    """It is, and cars wait for it."""
+    """It is, and others wait for it."""
 
 
 class Accounts:
@@ -53,15 +57,19 @@ class Accounts:
 
     Args:
         fleet: The fleet.
+        handling: Timesteps in which the arm of each station is at work on a car, to load and to unload, shape (2, k);
+            what is left of a service is braking into the dock.
     """
 
-    def __init__(self, fleet: GridFleet) -> None:
+    def __init__(self, fleet: GridFleet, handling: npt.NDArray[np.int32]) -> None:
         k = len(fleet.place.floor.dock_state)
         self._fleet = fleet
         self._steps = _Steps(
             cars=np.zeros(len(Account), dtype=np.int64),
             stations=np.zeros((2, k), dtype=np.int64),
             waiting=np.zeros(k, dtype=np.int64),
+            serves=np.zeros(k, dtype=np.bool_),
+            handling=handling,
         )
         self.n_steps = 0
 
@@ -89,12 +97,16 @@ class Accounts:
 def _take(
     floor: Floor, cars: CarTable, stations: StationTable, after: npt.NDArray[np.int32], now: int, steps: _Steps
 ) -> None:  # pragma: no cover - compiled
-    waiting = steps.waiting
-    waiting[:] = 0
+    waiting, serves = steps.waiting, steps.serves
+    waiting[:], serves[:] = 0, False
     for car in range(len(after)):
         phase, station = cars.phase[car], cars.station[car]
         if phase in (LOADING, UNLOADING):
+            handling = steps.handling[0 if phase == LOADING else 1, station]
             account = _SERVED
+            if cars.left[car] > handling:
+                account = _EMPTY if phase == LOADING else _LOADED
+            serves[station] |= account == _SERVED
         elif phase == OUT:
             account = _FAULT
         elif after[car] != cars.state[car]:
@@ -111,6 +123,6 @@ def _take(
         if account == _QUEUE:
             waiting[station] += 1
     for station in range(len(waiting)):
-        if now < stations.free_at[station]:
+        if serves[station]:
             steps.stations[0, station] += 1
             steps.stations[1, station] += waiting[station] > 0

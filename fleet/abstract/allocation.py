@@ -11,14 +11,18 @@ from fleet.abstract.compiled import compiled
 from fleet.abstract.fleet import STATION_ROOM, TIMESTEP_S, GridFleet
 from fleet.abstract.kernel import FREE, NEVER, READY, Floor, StationTable, TaskTable
 from fleet.arrays import FloatArray
-from fleet.config import AllocationConfig, require
+from fleet.config import AllocationConfig
 from fleet.dispatch.allocation import MOST_ASKED
 from fleet.dispatch.offers import N_SPARE
+from fleet.errors import ConfigError
 from planners.allocation.costs import CostWeights, task_costs
 from planners.allocation.problem import AllocationProblem, Allocator
 from planners.mapf.distance_table import UNREACHABLE
 
 Ints = npt.NDArray[np.int32]
+
+AT_ONCE = ("greedy", "hungarian", "fifo")
+"""Allocators that give cars one task at a time."""
 
 
 class Room(NamedTuple):
@@ -143,8 +147,11 @@ def make_allocator(config: AllocationConfig) -> Allocator:
         PlanningError: There is no such allocator, or it has no such settings.
     """
     allocator = config.make_allocator()
-    valid = "one that does not plan ahead with --fidelity abstract"
-    require(not getattr(allocator, "plans_ahead", False), "--allocator", config.allocator, valid)
+    if getattr(allocator, "plans_ahead", False):
+        raise ConfigError(
+            f"allocator {config.allocator} plans ahead; valid with --fidelity abstract: {', '.join(AT_ONCE)}, "
+            "or one of your own that does not"
+        )
     return allocator
 
 

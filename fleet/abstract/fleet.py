@@ -120,9 +120,9 @@ class FleetSite:
             charger_state=goals[n:],
             charger_row=row[n:].astype(np.int32),
             service_steps=round(PRIOR_MEAN_S / TIMESTEP_S),
-            load_steps=_steps(docking_s + time.load_s for time in times),
-            unload_steps=_steps(docking_s + time.unload_s for time in times),
-            cycle_steps=_steps(time.mean_s for time in times),
+            load_steps=steps_of(docking_s + time.load_s for time in times),
+            unload_steps=steps_of(docking_s + time.unload_s for time in times),
+            cycle_steps=steps_of(time.mean_s for time in times),
             station_cap=np.array([_room_near(place, station_cap) for place in site.stations], dtype=np.int32),
             near_moves=NEAR_MOVES,
             loaded_rank=round(LOADED_RANK_S / TIMESTEP_S),
@@ -267,7 +267,7 @@ def _farthest(ways: npt.NDArray[np.uint16]) -> int:
     return int(ways.max(where=ways < UNREACHABLE, initial=0))
 
 
-def _steps(times_s: Iterable[float]) -> npt.NDArray[np.int32]:
+def steps_of(times_s: Iterable[float]) -> npt.NDArray[np.int32]:
     """Times as whole timesteps, at least one."""
     return np.array([max(1, round(time_s / TIMESTEP_S)) for time_s in times_s], dtype=np.int32)
 

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from fleet.abstract.accounts import Accounts
 from fleet.abstract.allocation import AbstractAllocation
-from fleet.abstract.fleet import TIMESTEP_S, FleetSite, GridFleet, one_per_order
+from fleet.abstract.fleet import TIMESTEP_S, FleetSite, GridFleet, one_per_order, steps_of
 from fleet.abstract.kernel import NEVER, Stage
 from fleet.arrays import FloatArray
 from fleet.config import ArmConfig, Fidelity, RunConfig, TrafficConfig, require
@@ -25,11 +25,21 @@ from maps.site import Site, load_site
 STALL_STEPS = 300
 """A run whose tasks have not changed for so many timesteps has come to a stand, where no way is half as long."""
 _HEEDED = {
-    *("site", "robots", "tasks", "stream", "orders", "seed", "duration_s", "fidelity", "allocation"),
+    *("site", "robots", "tasks", "stream", "orders", "seed", "duration_s", "fidelity"),
+    *(
+        f"allocation.{name}"
+        for name in ("allocator", "allocator_settings", "station_cap_n", "ageing", "lateness", "due")
+    ),
     # What physics engines are told.
     *("physics", "connect", "shared_memory_key"),
 }
 """Settings that abstract runs take in any form."""
+_OPTIONS = {
+    "traffic.planner": "--planner",
+    "traffic.planner_settings": "--planner-setting",
+    "battery.enabled": "--battery",
+}
+"""What settings are called where they are typed."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -52,6 +62,7 @@ class AbstractRun:
     Attributes:
         fleet: The cars, the tasks and the stations.
         accounts: Where their time went.
+        handling: Timesteps in which the arm of each station is at work on a car, to load and to unload, shape (2, k).
         orders: What is to be done, ascending in release.
         refused: Orders that nobody can do.
 
@@ -79,7 +90,10 @@ class AbstractRun:
         services = [spec.service for spec in arms_of(site, config.grip, config.arms).specs]
         place = FleetSite.of(site, services, config.allocation.station_cap_n)
         self.fleet = GridFleet(place, config.robots, self.orders, int(traffic_seed.generate_state(1)[0]))
-        self.accounts = Accounts(self.fleet)
+        self.handling = np.array(
+            [steps_of(own.load_s for own in services), steps_of(own.unload_s for own in services)], dtype=np.int32
+        )
+        self.accounts = Accounts(self.fleet, self.handling)
         self._allocation = AbstractAllocation(config.allocation, self.fleet)
         self._changed, self._stages = 0, self.fleet.tasks.stage.copy()
 
@@ -112,8 +126,8 @@ class AbstractRun:
         return fleet.cars.state
 
     def run_whole_time(self, on_step: Callable[[AbstractRun], None] | None = None) -> None:
-        """Run to the end of the time, even when all work is done before; a fleet at a stand is not driven on."""
-        while self.sim_s < self.config.duration_s and not self.stalled:
+        """Run all whole timesteps, even when all work is done before; a fleet at a stand is not driven on."""
+        while self.sim_s + TIMESTEP_S <= self.config.duration_s and not self.stalled:
             self.step()
             if on_step is not None:
                 on_step(self)
@@ -160,7 +174,9 @@ def require_abstract(config: RunConfig, site: Site) -> None:
                 for own in fields(value)
             ]
         for name, told, fits in groups:
-            require(told == fits, name, told, f"{fits!r} with --fidelity abstract")
+            valid = "none" if fits == {} else f"{fits!r}"
+            fine = name in _HEEDED or told == fits
+            require(fine, _OPTIONS.get(name, name), told, f"{valid} with --fidelity abstract")
     ways = "a site with lanes of one way, with --fidelity abstract"
     require(not site.allow_reverse, "--site", f"{site.name}, where cars may reverse", ways)
     most = len(site.parking)

@@ -8,9 +8,11 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 
+from fleet.abstract.run import require_abstract, require_plain
 from fleet.charts.drawing import Drawing
 from fleet.charts.forest import ForestLine, draw_forest
 from fleet.charts.statistics import Estimate, estimate, paired
+from fleet.config import Fidelity
 from fleet.recording.run_file import plain
 from fleet.robots.cars.models import usual_car
 from fleet.run.starts import require_room
@@ -53,15 +55,21 @@ def check_gap(design: GapDesign) -> None:
     """Refuse runs before the first one begins.
 
     Raises:
-        ConfigError: The site has no room for so many cars.
+        ConfigError: The site has no room for so many cars, or abstract runs do not know it, or an order.
         SiteError: The site cannot be read.
         OrdersError: The orders cannot be read, or none can be accepted.
     """
     site = load_site(design.site)
+    configs = [config for config in design.configs if config.fidelity is Fidelity.ABSTRACT]
+    for config in configs[:1]:
+        require_abstract(config, site)
     require_room(design.robots, site)
     if design.orders is not None:
         payload_kg = usual_car().max_payload_kg
-        read_orders(design.orders, site, [ability_of(car, payload_kg) for car in range(design.robots)], n_chargers=0)
+        cars = [ability_of(car, payload_kg) for car in range(design.robots)]
+        book = read_orders(design.orders, site, cars, n_chargers=0)
+        for order in book.orders if configs else ():
+            require_plain(order)
 
 
 def run_gap(

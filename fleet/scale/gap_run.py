@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from fleet.abstract.fleet import TIMESTEP_S
 from fleet.abstract.kernel import Phase
 from fleet.abstract.run import AbstractRun
 from fleet.config import ArmConfig, Fidelity, RunConfig, StreamConfig, TrafficConfig, require
@@ -172,22 +173,29 @@ class _DockWatch:
         self._since_s = np.zeros(len(self._phase))
         # Tasks of one order follow each other.
         first = run.fleet.tasks.order
+        floor = run.fleet.place.floor
+        # As in whole runs, who brakes into a dock has not come to it yet.
+        self._docking_s = TIMESTEP_S * (np.array([floor.load_steps, floor.unload_steps]) - run.handling)
         self._order_of = np.cumsum(first == np.arange(len(first))) - 1
 
     def look(self, run: AbstractRun) -> None:
         """Take in a timestep."""
         phase = run.fleet.cars.phase
+        cars = run.fleet.cars
         for car in np.flatnonzero(phase != self._phase).tolist():
-            took_s = run.sim_s - self._since_s[car]
-            if phase[car] in (Phase.LOADING, Phase.UNLOADING):
-                order = run.orders[self._order_of[run.fleet.cars.task[car]]]
-                end = "pick" if phase[car] == Phase.LOADING else "drop"
-                self._docks.arrivals_s[f"{order.name} {end}"] = round(run.sim_s - order.release_s, 3)
-            if phase[car] == Phase.UNLOADING:
-                self._docks.drives_s.append(took_s)
             if self._phase[car] in (Phase.LOADING, Phase.UNLOADING):
-                self._docks.services_s.append(took_s)
-            self._since_s[car] = run.sim_s
+                self._docks.services_s.append(run.sim_s - self._since_s[car])
+            now_s = run.sim_s
+            if phase[car] in (Phase.LOADING, Phase.UNLOADING):
+                is_drop = int(phase[car] == Phase.UNLOADING)
+                now_s += self._docking_s[is_drop, cars.station[car]]
+                order = run.orders[self._order_of[cars.task[car]]]
+                self._docks.arrivals_s[f"{order.name} {'drop' if is_drop else 'pick'}"] = round(
+                    now_s - order.release_s, 3
+                )
+                if is_drop:
+                    self._docks.drives_s.append(now_s - self._since_s[car])
+            self._since_s[car] = now_s
         self._phase[:] = phase
 
 

@@ -53,16 +53,15 @@ def check(design: Design) -> None:
         OrdersError: The orders cannot be read, or none can be accepted.
     """
     site = load_site(design.site)
+    is_abstract = design.fidelity is Fidelity.ABSTRACT
+    for variant in design.variants if is_abstract else ():
+        config = design.run_config(variant)
+        require_abstract(config, site)
+        make_allocator(config.allocation)
     require_room(max(design.robots), site)
     for allocator in design.allocators:
         allocator_named(allocator, design.allocator_settings.get(allocator, {}), what="--allocators")
     design.run_config(design.variants[0]).traffic.make_planner(seed=0)
-    is_abstract = design.fidelity is Fidelity.ABSTRACT
-    if is_abstract:
-        for variant in design.variants:
-            config = design.run_config(variant)
-            require_abstract(config, site)
-            make_allocator(config.allocation)
     if design.orders is not None:
         payload_kg = usual_car().max_payload_kg
         # What the smallest fleet can do all can.

@@ -85,6 +85,7 @@ def test_abstract_runs_deliver_what_whole_ones_do(tmp_path: Path, capsys: pytest
     assert abs(gaps["deliveries [1/h]"]["share"]["mean"]) < 0.06
     assert abs(gaps["drive to the drop dock [s]"]["difference"]["mean"]) < 4.0
     assert abs(gaps["arrival at a dock [s]"]["share"]["mean"]) < 0.25
+    assert abs(gaps["service at a dock [s]"]["difference"]["mean"]) < 0.3
 
 
 @pytest.mark.parametrize("fidelity", ["grid", "abstract"])
@@ -97,3 +98,23 @@ def test_a_small_capacity(fidelity: str, tmp_path: Path, capsys: pytest.CaptureF
     for cell in cells:  # a slow machine may have had no time, and says so
         assert bool(cell["why"]) is (cell["first_move_s"] is None)
         assert cell["why"] or cell["memory_mb"] > 20.0
+
+
+def test_what_abstract_runs_do_not_know_is_refused_before_the_others_begin(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The slowest runs were done first, and then lost."""
+    orders = tmp_path / "orders.csv"
+    orders.write_text(
+        "id,release_s,pick,drop,mass_kg,size_m,after\na,0,pick_1,drop_1,0.3,0.06,\nb,0,pick_1,drop_1,0.3,0.06,a\n"
+    )
+    for words, complaint in (
+        (["small", "--orders", str(orders)], "order b is not one that abstract runs know"),
+        (["two_way"], "--site is 'two_way, where cars may reverse'; valid: a site with lanes of one way"),
+    ):
+        with pytest.raises(SystemExit) as stop:
+            main(["gap", *words, "--fidelities", "kinematic,abstract", "--out", str(tmp_path / "out")])
+        assert stop.value.code == 2
+        said = capsys.readouterr()
+        assert complaint in said.err
+        assert "runs done" not in said.out

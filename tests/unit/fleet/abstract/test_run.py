@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from fleet.abstract.allocation import AT_ONCE
 from fleet.abstract.fleet import FloorTooLarge
 from fleet.abstract.kernel import FREE, LOADING, NONE, UNLOADING, Stage
 from fleet.abstract.run import STALL_STEPS, AbstractRun
@@ -42,7 +43,6 @@ SMALL = RunConfig(
     fidelity=Fidelity.ABSTRACT,
     traffic=TrafficConfig.usual(Fidelity.ABSTRACT),
 )
-AT_ONCE = tuple(name for name in ALLOCATORS if not getattr(allocator_named(name), "plans_ahead", False))
 
 
 def ran(config: RunConfig, n_steps: int | None = None) -> AbstractRun:
@@ -83,9 +83,14 @@ def test_every_timestep_of_every_car_is_in_one_account() -> None:
     run = ran(SMALL)
     spent, shares = run.accounts.car_time(), run.accounts.station_shares()
     assert sum(vars(spent).values()) == run.fleet.now * SMALL.robots == run.accounts.n_steps * SMALL.robots
-    served = sum(run.fleet.place.floor.load_steps[0] + run.fleet.place.floor.unload_steps[0] for _ in told(run))
-    assert served <= spent.served <= served + 13 * SMALL.robots
-    assert all(0.0 < share.contended <= share.busy < 1.0 for share in shares)
+    one = int(run.handling[:, 0].sum())
+    assert one == 3 + 6
+    assert one * len(told(run)) <= spent.served <= one * (len(told(run)) + SMALL.robots)
+    busy = sum(share.busy for share in shares) * run.accounts.n_steps
+    assert busy == pytest.approx(spent.served)
+    assert all(0.0 <= share.contended <= share.busy < 1.0 for share in shares)
+    crowded = ran(replace(SMALL, robots=18, tasks=300)).accounts.station_shares()
+    assert any(share.contended > 0.1 for share in crowded)
 
 
 def told(run: AbstractRun) -> list[float]:
@@ -163,11 +168,11 @@ def test_who_is_never_moved_has_come_to_a_stand() -> None:
 @pytest.mark.parametrize(
     ("change", "named"),
     [
-        ({"traffic": TrafficConfig(planner="lacam")}, "traffic.planner"),
+        ({"traffic": TrafficConfig(planner="lacam")}, "--planner"),
         ({"traffic": TrafficConfig(planner="pibt", horizon_n=5)}, "traffic.horizon_n"),
         ({"events": (ScenarioEvent(kind="car_dead", time_s=5.0, target="car_0"),)}, "events"),
         ({"chaos_per_h": 10.0}, "chaos_per_h"),
-        ({"battery": BatteryConfig(enabled=True)}, "battery.enabled"),
+        ({"battery": BatteryConfig(enabled=True)}, "--battery"),
         ({"cars": {"car_0": CarConfig(max_payload_kg=0.7)}}, "cars"),
         ({"grip": Grip.FRICTION}, "grip"),
         ({"askew": True}, "askew"),
@@ -175,7 +180,11 @@ def test_who_is_never_moved_has_come_to_a_stand() -> None:
         ({"estimate": EstimateConfig(noise_m=0.05)}, "estimate.noise_m"),
         ({"robots": 19}, "--robots"),
         ({"site": "two_way"}, "--site"),
-        ({"allocation": AllocationConfig(allocator="cpsat")}, "--allocator"),
+        ({"allocation": AllocationConfig(allocator="regret_lns")}, "plans ahead; valid .*: greedy, hungarian, fifo,"),
+        ({"allocation": AllocationConfig(busy_s=1.0)}, "allocation.busy_s"),
+        ({"allocation": AllocationConfig(keep_gain_s=1.0)}, "allocation.keep_gain_s"),
+        ({"allocation": AllocationConfig(fill_trays=False)}, "allocation.fill_trays"),
+        ({"traffic": TrafficConfig(planner="pibt", planner_settings={"impatience": 3})}, "--planner-setting .* none"),
     ],
     ids=lambda value: value if isinstance(value, str) else "",
 )
@@ -218,3 +227,13 @@ def test_of_many_free_cars_others_are_asked_in_each_round(monkeypatch: pytest.Mo
         run.step()
         given.append(int((run.fleet.cars.task != NONE).sum()))
     assert given == [2, 4, 6]
+
+
+def test_the_allocators_that_are_told_are_those_that_do_not_plan_ahead() -> None:
+    makes = [name for name in ALLOCATORS if name != "cpsat"]
+    assert tuple(name for name in makes if not getattr(allocator_named(name), "plans_ahead", False)) == AT_ONCE
+
+
+def test_no_timestep_begins_that_would_not_end_in_time() -> None:
+    assert ran(replace(SMALL, duration_s=300.4)).sim_s == 300.0
+    assert ran(replace(SMALL, duration_s=0.5)).sim_s == 0.0
