@@ -15,18 +15,9 @@ from fleet.insight.time_accounts import QUEUE_M, Account, CarTime
 
 QUEUE_MOVES = round(QUEUE_M)
 """A car that stands so few moves before a busy dock is in its queue, as in whole runs."""
-_LOADED, _EMPTY, _TRAFFIC, _QUEUE, _SERVED, _FAULT, _IDLE = (
-    int(account)
-    for account in (
-        Account.DRIVING_LOADED,
-        Account.DRIVING_EMPTY,
-        Account.TRAFFIC,
-        Account.QUEUE,
-        Account.SERVED,
-        Account.FAULT,
-        Account.IDLE,
-    )
-)
+# Kernels know plain numbers only.
+_LOADED, _EMPTY, _TRAFFIC = map(int, (Account.DRIVING_LOADED, Account.DRIVING_EMPTY, Account.TRAFFIC))
+_QUEUE, _SERVED, _FAULT, _IDLE = map(int, (Account.QUEUE, Account.SERVED, Account.FAULT, Account.IDLE))
 
 
 class _Steps(NamedTuple):

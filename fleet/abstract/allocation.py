@@ -9,17 +9,16 @@ import numpy.typing as npt
 
 from fleet.abstract.compiled import compiled
 from fleet.abstract.fleet import STATION_ROOM, TIMESTEP_S, GridFleet
-from fleet.abstract.kernel import FREE, NEVER, READY, Floor, StationTable, TaskTable
+from fleet.abstract.kernel import FREE, NEVER, READY, Floor, Ints, StationTable, TaskTable
 from fleet.arrays import FloatArray
 from fleet.config import AllocationConfig
 from fleet.dispatch.allocation import MOST_ASKED
-from fleet.dispatch.offers import N_SPARE
+from fleet.dispatch.offers import N_SPARE, share_of
+from fleet.dispatch.situation import in_turn
 from fleet.errors import ConfigError
 from planners.allocation.costs import CostWeights, task_costs
 from planners.allocation.problem import AllocationProblem, Allocator
 from planners.mapf.distance_table import UNREACHABLE
-
-Ints = npt.NDArray[np.int32]
 
 AT_ONCE = ("greedy", "hungarian", "fifo")
 """Allocators that give cars one task at a time."""
@@ -46,6 +45,8 @@ class Lines(NamedTuple):
     """The first of each station that no car has, in either line, shape (2, k)."""
     seen: Ints
     """Round in which each task was last looked at, shape (m,)."""
+    round: Ints
+    """Number of the round, shape (1,)."""
 
 
 class OfferTable(NamedTuple):
@@ -54,8 +55,6 @@ class OfferTable(NamedTuple):
     task: Ints
     begin: Ints
     """Timesteps before which the pick station cannot begin with it, because of those before it."""
-    round: Ints
-    """Number of the round, shape (1,)."""
 
 
 class AbstractAllocation:
@@ -82,10 +81,8 @@ class AbstractAllocation:
             left=np.empty(k, dtype=np.int32),
         )
         self._lines = _lines(fleet.tasks, k)
-        self._offer = OfferTable(
-            task=np.empty(m, dtype=np.int32), begin=np.empty(m, dtype=np.int32), round=np.zeros(1, dtype=np.int32)
-        )
-        self._n_picks = max(1, len(fleet.place.site.station_names("pick")))
+        self._offer = OfferTable(task=np.empty(m, dtype=np.int32), begin=np.empty(m, dtype=np.int32))
+        self._n_picks = len(fleet.place.site.station_names("pick"))
         self._turn = 0
 
     def give_out(self) -> None:
@@ -94,7 +91,7 @@ class AbstractAllocation:
         cars = self._asked()
         if not len(cars):
             return
-        most = min(len(cars), -(-2 * len(cars) // self._n_picks)) + N_SPARE
+        most = share_of(len(cars), self._n_picks) + N_SPARE
         n = _find_offers(fleet.place.floor, fleet.tasks, fleet.stations, self._lines, self._room, most, self._offer)
         if n == 0:
             return
@@ -112,9 +109,9 @@ class AbstractAllocation:
         free = np.flatnonzero(self._fleet.cars.phase == FREE)
         if len(free) <= MOST_ASKED:
             return free
-        first = self._turn * MOST_ASKED % len(free)
+        asked = np.sort(in_turn(free, MOST_ASKED, self._turn))
         self._turn += 1
-        return np.sort(np.roll(free, -first)[:MOST_ASKED])
+        return asked
 
     def _problem(self, cars: npt.NDArray[np.intp], tasks: Ints, begin: Ints) -> AllocationProblem:
         grid = self._fleet
@@ -143,16 +140,25 @@ def make_allocator(config: AllocationConfig) -> Allocator:
     """The allocator that is named, if abstract runs can ask it.
 
     Raises:
-        ConfigError: It plans ahead.
+        ConfigError: See `require_at_once`.
         PlanningError: There is no such allocator, or it has no such settings.
     """
     allocator = config.make_allocator()
+    require_at_once(config.allocator, allocator)
+    return allocator
+
+
+def require_at_once(name: str, allocator: Allocator) -> None:
+    """Refuse an allocator that abstract runs cannot ask.
+
+    Raises:
+        ConfigError: It plans ahead.
+    """
     if getattr(allocator, "plans_ahead", False):
         raise ConfigError(
-            f"allocator {config.allocator} plans ahead; valid with --fidelity abstract: {', '.join(AT_ONCE)}, "
+            f"allocator {name} plans ahead; valid with --fidelity abstract: {', '.join(AT_ONCE)}, "
             "or one of your own that does not"
         )
-    return allocator
 
 
 def _seconds(steps: npt.NDArray[np.integer[Any]]) -> FloatArray:
@@ -169,6 +175,7 @@ def _lines(tasks: TaskTable, n_stations: int) -> Lines:
         by_due=by_due.astype(np.int32),
         head=np.repeat(first[None, :-1], 2, axis=0).astype(np.int32),
         seen=np.zeros(len(by_age), dtype=np.int32),
+        round=np.zeros(1, dtype=np.int32),
     )
 
 
@@ -191,7 +198,7 @@ def _find_offers(
     """
     for station in range(len(room.left)):
         room.left[station] = room.most[station] - stations.under_way[station]
-    offer.round[0] += 1
+    lines.round[0] += 1
     n = 0
     for pick in range(len(room.left)):
         end = lines.first[pick + 1]
@@ -207,9 +214,9 @@ def _find_offers(
             else:
                 task = lines.by_age[oldest]
                 oldest += 1
-            if tasks.stage[task] != READY or lines.seen[task] == offer.round[0]:
+            if tasks.stage[task] != READY or lines.seen[task] == lines.round[0]:
                 continue
-            lines.seen[task] = offer.round[0]
+            lines.seen[task] = lines.round[0]
             is_due = not is_due
             if room.left[tasks.drop[task]] > 0:
                 offer.task[n] = task

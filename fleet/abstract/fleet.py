@@ -99,10 +99,11 @@ class FleetSite:
         spots = [int(graph.states_of_cell(cell)[0]) for cell in site.parking]
         chargers = [int(graph.states_of_cell(cell)[0]) for cell in site.chargers]
         goals = np.array([*docks, *spots, *chargers], dtype=np.int32)
-        needed = 2 * graph.n_states * len(np.unique(goals))
+        n_goals = len(np.unique(goals))
+        needed = 2 * graph.n_states * n_goals
         if needed > MOST_DISTANCE_BYTES:
             raise FloorTooLarge(
-                f"site {site.name}: the distances to its {len(np.unique(goals)):,} docks, parking places and chargers "
+                f"site {site.name}: the distances to its {n_goals:,} docks, parking places and chargers "
                 f"need {needed / 1e9:.1f} GB; valid: at most {MOST_DISTANCE_BYTES / 1e9:.1f} GB"
             )
         nowhere = np.zeros(graph.n_cells, dtype=np.bool_)

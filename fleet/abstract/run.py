@@ -52,6 +52,12 @@ class OrderTimes:
     done_s: FloatArray
     """inf = not yet."""
 
+    def times_s(self) -> FloatArray:
+        """From release to delivery of those that were delivered, shape (n_done,)."""
+        done = np.isfinite(self.done_s)
+        times_s: FloatArray = self.done_s[done] - self.release_s[done]
+        return times_s
+
 
 class AbstractRun:
     """Cars on timesteps of the lane graph, whose tasks an allocator gives out, and arms that take their usual time.

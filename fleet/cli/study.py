@@ -119,7 +119,7 @@ class Study:
         for allocator in allocators:
             require_solver("--allocators", allocator)
         fidelity = Fidelity(self.fidelity)
-        planner = self.planner or TrafficConfig.usual(fidelity).planner
+        planner = TrafficConfig.usual(fidelity).planner if self.planner is None else self.planner
         design = Design(
             allocators=allocators,
             robots=robots,

@@ -27,6 +27,11 @@ N_SPARE = 3
 """So many more deliveries of each station are offered than cars could take, for some choice of where they go."""
 
 
+def share_of(n_free: int, n_stations: int) -> int:
+    """Twice the share of one of some pick stations in the cars that have no task, at most all of them."""
+    return min(n_free, -(-2 * n_free // max(1, n_stations)))
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Offer:
     """Tasks on offer."""
@@ -69,7 +74,6 @@ class Offers:
         self._open = open_deliveries
         self._visit_queue = visit_queue
         self._loading = missions.stations.loading()
-        self._busy_drops: set[str] = set()
         self._config = config
         self._docks = np.array([station.dock_state for station in self._loading], dtype=np.int32)
 
@@ -99,9 +103,8 @@ class Offers:
         offered: set[int] = set()
         moves = self._ways.moves_to(states, self._docks)
         far_s = MOVE_S * np.where(moves < UNREACHABLE, moves, 0).max(axis=1, initial=0)
-        self._find_busy_drops(turns, float(far_s.max(initial=0.0)))
-        n_free = len(cars) - n_held
-        share = min(n_free, -(-2 * n_free // max(1, len(self._loading)))) + min(n_held, N_EXCHANGED)
+        busy = self._busy_drops(turns, float(far_s.max(initial=0.0)))
+        share = share_of(len(cars) - n_held, len(self._loading)) + min(n_held, N_EXCHANGED)
         fits: dict[int, bool] = {}
 
         def fits_any(task: Task) -> bool:
@@ -115,7 +118,7 @@ class Offers:
             n_turns = int(longest_s / turns.pace.cycle_s[station.arm]) + 1
             urgent = self._open.urgent(station.name, fits_any)
             most = min(share, n_turns) + N_SPARE
-            here = self._first((task for task in urgent if task.index not in kept), most, fits_any)
+            here = self._first((task for task in urgent if task.index not in kept), most, fits_any, busy)
             # Those that are due first are to be done first, so the others are begun after them.
             here.sort(key=by_due)
             begin_s = next_turns(turns, station.arm, len(here)).tolist()
@@ -155,14 +158,12 @@ class Offers:
                 full.add(k)
         return offered, full
 
-    def _find_busy_drops(self, turns: TakenTurns, far_s: float) -> None:
-        """Find the drop stations whose arms have so much to do that who sets off now would wait there for long."""
+    def _busy_drops(self, turns: TakenTurns, far_s: float) -> set[str]:
+        """The stations whose arms have so much to do that who sets off for them now would wait there for long."""
         work_s = np.diff(turns.first) * turns.pace.cycle_s
-        self._busy_drops = {
-            self._stations[arm].name for arm in (work_s > far_s + self._config.busy_s).nonzero()[0].tolist()
-        }
+        return {self._stations[arm].name for arm in (work_s > far_s + self._config.busy_s).nonzero()[0].tolist()}
 
-    def _first(self, urgent: Iterator[Task], most: int, fits_any: Callable[[Task], bool]) -> list[Task]:
+    def _first(self, urgent: Iterator[Task], most: int, fits_any: Callable[[Task], bool], busy: Set[str]) -> list[Task]:
         """The first so many that one of some cars can do, and those before them, which nobody can do at present.
 
         Of those that go to busy drop stations there are as many besides: else the oldest tasks were all for a station
@@ -172,7 +173,7 @@ class Offers:
         left = {False: most, True: most}
         for task in urgent:
             drop = task.delivery.drop
-            is_busy = drop in self._busy_drops
+            is_busy = drop in busy
             if not self._stations.is_open(drop) or left[is_busy] == 0:
                 continue
             found.append(task)

@@ -96,8 +96,8 @@ class Situation:
         gives[list(self.held)] = True
         free, held = (can_take & ~gives).nonzero()[0], gives.nonzero()[0]
         soon = soon[np.argsort(self.free_s[soon], kind="stable")][: most // 4]
-        held = _in_turn(held, most - len(soon) - min(len(free), most // 2), turn)
-        free = _in_turn(free, most - len(soon) - len(held), turn)
+        held = in_turn(held, most - len(soon) - min(len(free), most // 2), turn)
+        free = in_turn(free, most - len(soon) - len(held), turn)
         asked, comes = np.zeros((2, len(can_take)), dtype=np.bool_)
         asked[free] = asked[held] = comes[soon] = True
         return replace(
@@ -108,7 +108,7 @@ class Situation:
         )
 
 
-def _in_turn(cars: npt.NDArray[np.intp], most: int, turn: int) -> npt.NDArray[np.intp]:
+def in_turn(cars: npt.NDArray[np.intp], most: int, turn: int) -> npt.NDArray[np.intp]:
     """So many of some cars, others from round to round."""
     return np.roll(cars, -turn * most)[:most]
 

@@ -301,13 +301,18 @@ def mean_tardiness_s(late_s: Sequence[float]) -> float | None:
 
 def lateness_s(tasks: Iterable[Task], now_s: float) -> list[float]:
     """End less due date of the tasks that have both, and for overdue ones the time since their due date [s]."""
+    kept = (task for task in tasks if task.state is not TaskState.CANCELLED)
+    return late_of(((task.done_s, task.order.due_s) for task in kept), now_s)
+
+
+def late_of(times: Iterable[tuple[float | None, float]], now_s: float) -> list[float]:
+    """The same of pairs of end and due date: None = not ended, inf = due at any time [s]."""
     late = []
-    for task in tasks:
-        end_s = task.done_s
-        if math.isinf(task.order.due_s) or task.state is TaskState.CANCELLED:
+    for end_s, due_s in times:
+        if math.isinf(due_s):
             continue
         if end_s is not None:
-            late.append(end_s - task.order.due_s)
-        elif now_s > task.order.due_s:
-            late.append(now_s - task.order.due_s)
+            late.append(end_s - due_s)
+        elif now_s > due_s:
+            late.append(now_s - due_s)
     return late

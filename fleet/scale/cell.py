@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -170,22 +171,14 @@ def measure_cell(
         first_move_s = time.perf_counter() - begin
         while simulation.sim_s < WARM_UP_S and time.time() < until:
             simulation.tick()
-        warm_sim_s, warm, warm_cpu = simulation.sim_s, time.perf_counter(), time.process_time()
+        warm = _Moment.now(simulation.sim_s)
         while not simulation.finished and time.time() < until:
             simulation.tick()
-        wall_s, cpu_s, sim_s = time.perf_counter() - warm, time.process_time() - warm_cpu, simulation.sim_s
-        done_s = [task.done_s or 0.0 for task in simulation.board.in_state(*DONE_STATES)]
+        end = _Moment.now(simulation.sim_s)
+        done_s = np.array([task.done_s or 0.0 for task in simulation.board.in_state(*DONE_STATES)])
         contacts = world.contacts()
-        return CellFigures(
-            real_time_factor=(sim_s - warm_sim_s) / wall_s if sim_s - warm_sim_s >= LEAST_SIM_S else None,
-            memory_mb=peak_memory_mb(),
-            tasks_per_h=_late_per_h(np.array(done_s), sim_s),
-            at_work_share=_at_work(simulation.metrics.time_accounts.fleet_time()),
-            contacts=contacts.robot + contacts.static,
-            first_move_s=first_move_s,
-            sim_s=sim_s,
-            core_share=cpu_s / max(wall_s, 1e-9),
-        )
+        spent = simulation.metrics.time_accounts.fleet_time()
+        return _figures(warm, end, first_move_s, done_s, spent, contacts.robot + contacts.static)
 
 
 def _abstract_cell(config: RunConfig, begin: float, until: float) -> CellFigures:
@@ -195,31 +188,42 @@ def _abstract_cell(config: RunConfig, begin: float, until: float) -> CellFigures
     first_move_s = time.perf_counter() - begin
     while run.sim_s < WARM_UP_S and time.time() < until:
         run.step()
-    warm_sim_s, warm, warm_cpu = run.sim_s, time.perf_counter(), time.process_time()
+    warm = _Moment.now(run.sim_s)
     while run.sim_s < config.duration_s and not run.done and not run.stalled and time.time() < until:
         run.step()
-    wall_s, cpu_s, sim_s = time.perf_counter() - warm, time.process_time() - warm_cpu, run.sim_s
+    end = _Moment.now(run.sim_s)
+    return _figures(warm, end, first_move_s, run.told().done_s, run.accounts.car_time(), 0)
+
+
+class _Moment(NamedTuple):
+    """A moment of a run, on three clocks [s]."""
+
+    sim_s: float
+    wall_s: float
+    cpu_s: float
+
+    @classmethod
+    def now(cls, sim_s: float) -> _Moment:
+        return cls(sim_s, time.perf_counter(), time.process_time())
+
+
+def _figures(
+    warm: _Moment, end: _Moment, first_move_s: float, done_s: FloatArray, spent: CarTime, contacts: int
+) -> CellFigures:
+    """What was measured between two moments; `done_s` of tasks that are not done is infinite."""
+    sim_s, wall_s, cpu_s = (after - before for before, after in zip(warm, end, strict=True))
+    late = int(((done_s > end.sim_s / 2) & np.isfinite(done_s)).sum())
+    at_work = spent.driving_loaded + spent.driving_empty + spent.served
     return CellFigures(
-        real_time_factor=(sim_s - warm_sim_s) / wall_s if sim_s - warm_sim_s >= LEAST_SIM_S else None,
+        real_time_factor=sim_s / wall_s if sim_s >= LEAST_SIM_S else None,
         memory_mb=peak_memory_mb(),
-        tasks_per_h=_late_per_h(run.told().done_s, sim_s),
-        at_work_share=_at_work(run.accounts.car_time()),
-        contacts=0,
+        tasks_per_h=late * 3600.0 / (end.sim_s / 2) if end.sim_s >= LEAST_TASKS_SIM_S else None,
+        at_work_share=at_work / max(sum(vars(spent).values()), 1),
+        contacts=contacts,
         first_move_s=first_move_s,
-        sim_s=sim_s,
+        sim_s=end.sim_s,
         core_share=cpu_s / max(wall_s, 1e-9),
     )
-
-
-def _late_per_h(done_s: FloatArray, sim_s: float) -> float | None:
-    """Tasks done in the second half of a run, by the hour; None if it was too short."""
-    late = int(((done_s > sim_s / 2) & np.isfinite(done_s)).sum())
-    return late * 3600.0 / (sim_s / 2) if sim_s >= LEAST_TASKS_SIM_S else None
-
-
-def _at_work(spent: CarTime) -> float:
-    """Share of their time in which cars drove or were served."""
-    return (spent.driving_loaded + spent.driving_empty + spent.served) / max(sum(vars(spent).values()), 1)
 
 
 def peak_memory_mb() -> float:

@@ -60,15 +60,15 @@ def check_gap(design: GapDesign) -> None:
         OrdersError: The orders cannot be read, or none can be accepted.
     """
     site = load_site(design.site)
-    configs = [config for config in design.configs if config.fidelity is Fidelity.ABSTRACT]
-    for config in configs[:1]:
-        require_abstract(config, site)
+    abstract = next((config for config in design.configs if config.fidelity is Fidelity.ABSTRACT), None)
+    if abstract is not None:
+        require_abstract(abstract, site)
     require_room(design.robots, site)
     if design.orders is not None:
         payload_kg = usual_car().max_payload_kg
         cars = [ability_of(car, payload_kg) for car in range(design.robots)]
         book = read_orders(design.orders, site, cars, n_chargers=0)
-        for order in book.orders if configs else ():
+        for order in book.orders if abstract is not None else ():
             require_plain(order)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -12,9 +13,11 @@ from fleet.abstract.fleet import TIMESTEP_S
 from fleet.abstract.kernel import Phase
 from fleet.abstract.run import AbstractRun
 from fleet.config import ArmConfig, Fidelity, RunConfig, StreamConfig, TrafficConfig, require
+from fleet.insight.time_accounts import CarTime
 from fleet.simulation import Simulation
 from fleet.study.measurement import run_whole_time
 from fleet.tasks.board import DONE_STATES, Task, TaskState
+from fleet.tasks.order import Order
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -119,13 +122,16 @@ class _Docks:
     drives_s: list[float] = field(default_factory=list)
     services_s: list[float] = field(default_factory=list)
 
+    def arrive(self, order: Order, end: str, now_s: float) -> None:
+        """A car has come to the dock at an end of an order, ``pick`` or ``drop``."""
+        self.arrivals_s.setdefault(f"{order.name} {end}", round(now_s - order.release_s, 3))
+
     def moved(self, task: Task, before: TaskState, now_s: float) -> None:
         """Take in one step of a task."""
-        order = task.order
         if task.state is TaskState.LOADING:
-            self.arrivals_s.setdefault(f"{order.name} pick", round(now_s - order.release_s, 3))
+            self.arrive(task.order, "pick", now_s)
         elif task.state is TaskState.UNLOADING:
-            self.arrivals_s.setdefault(f"{order.name} drop", round(now_s - order.release_s, 3))
+            self.arrive(task.order, "drop", now_s)
             self.drives_s.append(now_s - task.since_s[TaskState.CARRIED])
         elif (before, task.state) in (
             (TaskState.LOADING, TaskState.CARRIED),
@@ -137,26 +143,32 @@ class _Docks:
 def _row(config: RunConfig, simulation: Simulation, docks: _Docks) -> GapRow:
     done = simulation.board.in_state(*DONE_STATES)
     times = [task.done_s - task.order.release_s for task in done if task.done_s is not None]
-    spent = simulation.metrics.time_accounts.fleet_time()
-    waited = spent.traffic + spent.queue + spent.plan_late
     contacts = simulation.world.contacts()
     return GapRow(
-        fidelity=config.fidelity.value,
-        seed=config.seed,
-        tasks_done=len(done),
+        **_figures(config, len(done), times, simulation.metrics.time_accounts.fleet_time(), docks),
         tasks_failed=simulation.board.count(TaskState.FAILED),
-        throughput_per_h=round(len(done) * 3600.0 / config.duration_s, 3),
-        task_time_s=_mean(times),
-        drive_s=_mean(docks.drives_s),
-        service_s=_mean(docks.services_s),
-        waiting_share=round(waited / max(sum(vars(spent).values()), 1), 5),
         robot_contacts=contacts.robot,
         static_contacts=contacts.static,
         slip_max_m=simulation.summary().slip_max_m,
         stalled=simulation.stalled and not simulation.board.finished,
         state_hash=simulation.state_hash(),
-        arrivals_s=docks.arrivals_s,
     )
+
+
+def _figures(config: RunConfig, n_done: int, times_s: list[float], spent: CarTime, docks: _Docks) -> dict[str, Any]:
+    """What is told of any run alike, by the name of its column."""
+    waited = spent.traffic + spent.queue + spent.plan_late
+    return {
+        "fidelity": config.fidelity.value,
+        "seed": config.seed,
+        "tasks_done": n_done,
+        "throughput_per_h": round(n_done * 3600.0 / config.duration_s, 3),
+        "task_time_s": _mean(times_s),
+        "drive_s": _mean(docks.drives_s),
+        "service_s": _mean(docks.services_s),
+        "waiting_share": round(waited / max(sum(vars(spent).values()), 1), 5),
+        "arrivals_s": docks.arrivals_s,
+    }
 
 
 class _DockWatch:
@@ -180,8 +192,7 @@ class _DockWatch:
 
     def look(self, run: AbstractRun) -> None:
         """Take in a timestep."""
-        phase = run.fleet.cars.phase
-        cars = run.fleet.cars
+        cars, phase = run.fleet.cars, run.fleet.cars.phase
         for car in np.flatnonzero(phase != self._phase).tolist():
             if self._phase[car] in (Phase.LOADING, Phase.UNLOADING):
                 self._docks.services_s.append(run.sim_s - self._since_s[car])
@@ -190,9 +201,7 @@ class _DockWatch:
                 is_drop = int(phase[car] == Phase.UNLOADING)
                 now_s += self._docking_s[is_drop, cars.station[car]]
                 order = run.orders[self._order_of[cars.task[car]]]
-                self._docks.arrivals_s[f"{order.name} {'drop' if is_drop else 'pick'}"] = round(
-                    now_s - order.release_s, 3
-                )
+                self._docks.arrive(order, "drop" if is_drop else "pick", now_s)
                 if is_drop:
                     self._docks.drives_s.append(now_s - self._since_s[car])
             self._since_s[car] = now_s
@@ -200,25 +209,15 @@ class _DockWatch:
 
 
 def _abstract_row(run: AbstractRun, docks: _Docks) -> GapRow:
-    config, told, spent = run.config, run.told(), run.accounts.car_time()
-    done = np.isfinite(told.done_s)
-    waited = spent.traffic + spent.queue + spent.plan_late
+    times_s = run.told().times_s().tolist()
     return GapRow(
-        fidelity=config.fidelity.value,
-        seed=config.seed,
-        tasks_done=int(done.sum()),
+        **_figures(run.config, len(times_s), times_s, run.accounts.car_time(), docks),
         tasks_failed=0,
-        throughput_per_h=round(int(done.sum()) * 3600.0 / config.duration_s, 3),
-        task_time_s=_mean((told.done_s - told.release_s)[done].tolist()),
-        drive_s=_mean(docks.drives_s),
-        service_s=_mean(docks.services_s),
-        waiting_share=round(waited / max(sum(vars(spent).values()), 1), 5),
         robot_contacts=0,
         static_contacts=0,
         slip_max_m=None,
         stalled=run.stalled,
         state_hash=run.state_hash(),
-        arrivals_s=docks.arrivals_s,
     )
 
 

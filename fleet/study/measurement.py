@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 
 from fleet.abstract.run import AbstractRun
 from fleet.config import Fidelity, RunConfig
 from fleet.insight.bounds import bounds_of, deliveries_of
-from fleet.insight.metrics import lateness_s, mean_tardiness_s, on_time_share, task_times_s
+from fleet.insight.metrics import late_of, lateness_s, mean_tardiness_s, on_time_share, task_times_s
+from fleet.insight.time_accounts import CarTime
 from fleet.simulation import Simulation
 from fleet.study.table import Row
 from fleet.tasks.board import DONE_STATES, TaskState
@@ -39,25 +44,15 @@ def _row(config: RunConfig, simulation: Simulation) -> Row:
     delivered = [task for task in released if task.state in DONE_STATES]
     times, late = task_times_s(delivered), lateness_s(released, config.duration_s)
     time_accounts, ticks = simulation.metrics.time_accounts, max(simulation.now, 1)
-    cars = {name: round(spent / (ticks * config.robots), 4) for name, spent in vars(time_accounts.fleet_time()).items()}
     # Bounds are about deliveries alone, of which a fleet that makes visits, too, could make more.
     deliveries = deliveries_of(delivered, simulation.stations)
     visits = any(task.visit is not None for task in released)
     bounds = None if visits else bounds_of(simulation.view, deliveries, simulation.sim_s, from_start=True)
     times_of = {station.name: time_accounts.station_time(station.arm) for station in simulation.stations}
     return Row(
-        allocator=config.allocation.allocator,
-        robots=config.robots,
-        seed=config.seed,
+        **_figures(config, len(delivered), times, late, time_accounts.fleet_time(), ticks),
         released=len(released),
-        done=len(delivered),
         failed=simulation.board.count(TaskState.FAILED),
-        throughput_per_h=round(len(delivered) * 3600.0 / config.duration_s, 2),
-        task_time_s=round(float(np.mean(times)), 2) if times else None,
-        task_time_p95_s=round(float(np.percentile(times, 95)), 2) if times else None,
-        tardiness_s=mean_tardiness_s(late),
-        on_time_share=on_time_share(late),
-        **cars,
         stations=" ".join(
             f"{name}={time.busy / ticks:.4f}/{time.contended / ticks:.4f}" for name, time in times_of.items()
         ),
@@ -70,28 +65,35 @@ def _row(config: RunConfig, simulation: Simulation) -> Row:
     )
 
 
+def _figures(
+    config: RunConfig, n_done: int, times_s: Sequence[float], late_s: Sequence[float], spent: CarTime, ticks: int
+) -> dict[str, Any]:
+    """What is told of any run alike, by the name of its column."""
+    return {
+        "allocator": config.allocation.allocator,
+        "robots": config.robots,
+        "seed": config.seed,
+        "done": n_done,
+        "throughput_per_h": round(n_done * 3600.0 / config.duration_s, 2),
+        "task_time_s": round(float(np.mean(times_s)), 2) if times_s else None,
+        "task_time_p95_s": round(float(np.percentile(times_s, 95)), 2) if times_s else None,
+        "tardiness_s": mean_tardiness_s(late_s),
+        "on_time_share": on_time_share(late_s),
+        **{name: round(own / (ticks * config.robots), 4) for name, own in vars(spent).items()},
+    }
+
+
 def _abstract_row(run: AbstractRun) -> Row:
     """The same of an abstract run; bounds are told of whole runs alone."""
     config, steps, told = run.config, max(run.accounts.n_steps, 1), run.told()
-    done = np.isfinite(told.done_s)
-    times = told.done_s[done] - told.release_s[done]
-    ended = np.where(done, told.done_s, np.maximum(config.duration_s, told.due_s))
-    late_s = (ended - told.due_s)[np.isfinite(told.due_s) & (done | (told.due_s < config.duration_s))].tolist()
-    cars = {name: round(spent / (steps * config.robots), 4) for name, spent in vars(run.accounts.car_time()).items()}
+    times_s = told.times_s().tolist()
+    ends = (None if math.isinf(end_s) else end_s for end_s in told.done_s.tolist())
+    late_s = late_of(zip(ends, told.due_s.tolist(), strict=True), config.duration_s)
     shares = zip(run.fleet.place.site.stations, run.accounts.station_shares(), strict=True)
     return Row(
-        allocator=config.allocation.allocator,
-        robots=config.robots,
-        seed=config.seed,
-        released=len(done),
-        done=len(times),
+        **_figures(config, len(times_s), times_s, late_s, run.accounts.car_time(), steps),
+        released=len(told.done_s),
         failed=0,
-        throughput_per_h=round(len(times) * 3600.0 / config.duration_s, 2),
-        task_time_s=round(float(np.mean(times)), 2) if len(times) else None,
-        task_time_p95_s=round(float(np.percentile(times, 95)), 2) if len(times) else None,
-        tardiness_s=mean_tardiness_s(late_s),
-        on_time_share=on_time_share(late_s),
-        **cars,
         stations=" ".join(f"{station.name}={share.busy:.4f}/{share.contended:.4f}" for station, share in shares),
         bound_cars_per_h=None,
         bound_arms_per_h=None,

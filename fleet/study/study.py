@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from fleet.abstract.allocation import make_allocator
+from fleet.abstract.allocation import require_at_once
 from fleet.abstract.run import require_abstract, require_plain
 from fleet.config import Fidelity
 from fleet.config.field_checks import is_number, is_whole
@@ -17,7 +17,7 @@ from fleet.recording.run_file import plain
 from fleet.robots.cars.models import usual_car
 from fleet.run.starts import require_room
 from fleet.study.backend import Backend
-from fleet.study.design import Design, StudyError
+from fleet.study.design import Design, StudyError, Variant
 from fleet.study.findings import Findings, find
 from fleet.study.pool import run_all
 from fleet.study.table import CSV_FILE, Row, TableFile, read_rows
@@ -54,13 +54,13 @@ def check(design: Design) -> None:
     """
     site = load_site(design.site)
     is_abstract = design.fidelity is Fidelity.ABSTRACT
-    for variant in design.variants if is_abstract else ():
-        config = design.run_config(variant)
-        require_abstract(config, site)
-        make_allocator(config.allocation)
+    for robots in design.robots if is_abstract else ():
+        require_abstract(design.run_config(Variant(design.seeds[0], robots, design.allocators[0])), site)
     require_room(max(design.robots), site)
     for allocator in design.allocators:
-        allocator_named(allocator, design.allocator_settings.get(allocator, {}), what="--allocators")
+        made = allocator_named(allocator, design.allocator_settings.get(allocator, {}), what="--allocators")
+        if is_abstract:
+            require_at_once(allocator, made)
     design.run_config(design.variants[0]).traffic.make_planner(seed=0)
     if design.orders is not None:
         payload_kg = usual_car().max_payload_kg
