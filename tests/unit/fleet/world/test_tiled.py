@@ -20,7 +20,7 @@ from fleet.world.protocol import ParcelBody, World
 from fleet.world.scene import Scene
 from fleet.world.site_scene import scene_of
 from fleet.world.tiled.config import TiledConfig
-from fleet.world.tiled.crew import TileWorkerError
+from fleet.world.tiled.crew import TileWorkerError, shares
 from fleet.world.tiled.split import CELL_M, split_floor
 from fleet.world.tiled.world import TiledWorld
 
@@ -198,3 +198,18 @@ def test_processes_are_for_physics_without_a_window(settings: dict[str, object])
         RunConfig(physics=PhysicsConfig(workers_n=2), **settings)  # type: ignore[arg-type]
     with pytest.raises(ConfigError, match="--workers is 0; valid: an integer from 1"):
         PhysicsConfig(workers_n=0)
+
+
+@pytest.mark.parametrize("n_workers", [1, 2, 3, 5])
+def test_every_tile_is_dealt_out_once_and_numbers_of_tiles_differ_by_one(n_workers: int) -> None:
+    dealt = shares(np.random.default_rng(0).integers(0, 140, 13), n_workers)
+    assert sorted(tile for own in dealt for tile in own) == list(range(13))
+    sizes = [len(own) for own in dealt]
+    assert max(sizes) - min(sizes) <= 1
+    assert all(own == sorted(own) for own in dealt)
+
+
+def test_processes_have_about_as_many_cars_whatever_order_tiles_are_numbered_in() -> None:
+    # Every second tile or so is empty when the run begins, as on the generated floor for 1,000 cars.
+    n_cars = np.array([71, 78, 78, 0, 137, 0, 118, 133, 0, 126, 0, 0, 135, 0, 124])
+    assert max(int(n_cars[own].sum()) for own in shares(n_cars, 2)) < 1.1 * n_cars.sum() / 2
