@@ -12,6 +12,7 @@ import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
+from functools import cache
 from importlib import metadata
 from pathlib import Path, PurePath
 from typing import Any
@@ -46,8 +47,9 @@ _PACKAGES = (
 )
 
 
+@cache
 def versions() -> dict[str, str]:
-    """Versions of Python and of the packages that can change a result; an absent package is left out."""
+    """Versions of Python and of the packages that can change a result, looked up once; an absent package is left out."""
     found = {"python": platform.python_version()}
     for package in _PACKAGES:
         try:
