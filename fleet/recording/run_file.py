@@ -49,7 +49,7 @@ _PACKAGES = (
 
 @cache
 def versions() -> dict[str, str]:
-    """Versions of Python and of the packages that can change a result, looked up once; an absent package is left out."""
+    """Versions of Python and of what can change a result, looked up once; an absent package is left out."""
     found = {"python": platform.python_version()}
     for package in _PACKAGES:
         try:

@@ -104,7 +104,7 @@ def _numbers(words: list[str]) -> FloatArray:
 
 
 def _fans(n_corners: IntArray) -> IntArray:
-    """Cut faces into triangles about their first corners; corners of all faces stand one after the other, shape (t, 3)."""
+    """Cut faces, whose corners stand one after the other, into triangles about their first corners, shape (t, 3)."""
     n_triangles = n_corners - 2
     first = np.repeat(np.cumsum(n_corners) - n_corners, n_triangles)
     k = np.arange(len(first)) - np.repeat(np.cumsum(n_triangles) - n_triangles, n_triangles)
