@@ -12,6 +12,7 @@ from fleet.arrays import BoolArray, FloatArray, IntArray
 from fleet.robots.arms.team import ArmTeam
 from fleet.world.bullet.engine.client import Client
 from fleet.world.bullet.engine.frames import quaternion
+from fleet.world.bullet.engine.urdf_text import without_visuals
 
 # An arm comes to less than this within half a second of its last command.
 _STILL_RADPS = 1e-6
@@ -65,6 +66,7 @@ class Arms:
         base: Base poses x, y, z, yaw, shape (m, 4).
         start: Joint positions [rad], shape (m, n_joints).
         steps: When the motors are told what.
+        visuals: Whether they can be seen in images; without it one takes 3 MB less.
     """
 
     def __init__(
@@ -74,6 +76,8 @@ class Arms:
         base: FloatArray,
         start: FloatArray,
         steps: MotorSteps,
+        *,
+        visuals: bool = True,
     ) -> None:
         self._client = client
         self._steps = steps
@@ -88,9 +92,10 @@ class Arms:
         self.links: list[dict[str, int]] = []
         """Index of every link of each arm by its name; a joint has the index of its child link."""
         self._fingers: list[list[int]] = []
+        texts = {spec.name: spec.description if visuals else without_visuals(spec.description) for spec in team.models}
         for spec, (x, y, z, yaw), q in zip(team.specs, base, start, strict=True):
             body = client.load_urdf(
-                spec.description,
+                texts[spec.name],
                 basePosition=(float(x), float(y), float(z)),
                 baseOrientation=quaternion(yaw),
                 useFixedBase=True,
@@ -116,6 +121,8 @@ class Arms:
             from_qd=np.zeros_like(self.q),
         )
         self._told = self.q.copy()  # the last set-points; `_targets.q` forgets them where motors have to be set anew
+        self.stirred = np.ones(n, dtype=np.bool_)
+        """Whether each arm was told to move in the last tick; motors that are set anew tell it nothing, shape (m,)."""
         self._turns = np.zeros_like(self.q)
         self._active = np.zeros(0, dtype=np.int64)
 
@@ -128,6 +135,11 @@ class Arms:
         """Whether all arms are told to stand, and their joints turn more slowly than that [rad/s]."""
         return not self._targets.qd.any() and bool((np.abs(self.qd) < slow_radps).all())
 
+    def still(self, slow_radps: float) -> BoolArray:
+        """Which arms are told to stand, and turn more slowly than that [rad/s], shape (m,)."""
+        still: BoolArray = ~self.stirred & (np.abs(self.qd) < slow_radps).all(axis=1)
+        return still
+
     def aim(self, q: FloatArray, qd: FloatArray) -> None:
         """Take the set-points for the end of the coming tick.
 
@@ -138,6 +150,7 @@ class Arms:
         tick_s = self._steps.n * self._steps.length_s
         if self._steps.cubic:
             self._targets.from_q[:], self._targets.from_qd[:] = self._told, self._targets.qd
+        self.stirred = ((q != self._told) | (qd != 0.0)).any(axis=1)
         self._told[:] = q
         active = np.empty(len(self.bodies), dtype=np.int64)
         n = _aim(self._targets, q, qd, self.qd, tick_s, active)
@@ -250,6 +263,23 @@ class Arms:
         self._targets.qd[:], self.q, self.qd, self._told = memory.copy()
         self._targets.held[:] = not self._steps.at_once
         self._targets.q[:] = np.inf  # no target equals it, so every arm counts as moving
+
+    def hold_still(self, bodies: set[int]) -> None:
+        """Set the motors of some arms that stand, after a `recall`, where they were told to stand."""
+        for arm, (body, joints) in enumerate(zip(self.bodies, self._joints, strict=True)):
+            if body not in bodies:
+                continue
+            self._targets.q[arm] = self._told[arm]
+            self._client.setJointMotorControlArray(
+                body,
+                joints,
+                self._client.POSITION_CONTROL,
+                targetPositions=self._told[arm, : len(joints)].tolist(),
+                targetVelocities=self._loose[arm],
+                forces=self._forces[arm],
+                positionGains=self._gains[arm],
+                velocityGains=self._unit[arm],
+            )
 
     def _all_joints(self) -> list[list[int]]:
         """Of each arm, fingers last."""

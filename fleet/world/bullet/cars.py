@@ -21,6 +21,7 @@ from fleet.world.bullet.ackermann import Ackermann
 from fleet.world.bullet.engine import groups
 from fleet.world.bullet.engine.client import Client
 from fleet.world.bullet.engine.frames import quaternion, turned
+from fleet.world.bullet.engine.sleep import let_sleep, wake
 from fleet.world.bullet.vehicles.floor import load_on_floor
 from fleet.world.bullet.vehicles.legged import Legged
 
@@ -274,20 +275,28 @@ class Cars:
             turns, speeds = np.clip(commands[pack.cars], -self._limit[pack.cars], self._limit[pack.cars]).T
             pack.legged.drive(_within(pack.limits, turns, speeds))
         n_changed = _take(commands, self._limit, self._sent, self._unset, self._changed, self._fresh)
-        if n_changed == 0:
-            return
-        steering, speeds = self._fresh[:, :n_changed]
-        spins, angles = self._ackermann.motions(self._changed[:n_changed], steering, speeds)
+        if n_changed:
+            self._set_motors(self._changed[:n_changed], *self._fresh[:, :n_changed])
+
+    def hold_still(self, bodies: set[int]) -> None:
+        """Set the motors of some cars that stand, after a `recall`, as they were told to stand."""
+        known = ~np.isnan(self._sent).any(axis=1)
+        cars = np.array([car for car, body in enumerate(self.bodies) if body in bodies and known[car]], dtype=np.int64)
+        if len(cars):
+            self._unset[cars] = False
+            self._set_motors(cars, *self._sent[cars].T)
+
+    def _set_motors(self, cars: IntArray, steering: FloatArray, speeds: FloatArray) -> None:
+        spins, angles = self._ackermann.motions(cars, steering, speeds)
         client, kinds = self._client, self.models.kinds
         motor, motors = client.setJointMotorControl2, client.setJointMotorControlArray
         velocity, position = client.VELOCITY_CONTROL, client.POSITION_CONTROL
-        changed = self._changed[:n_changed].tolist()
         for number, model in enumerate(kinds):
             drive = model.differential
             if drive is not None and isinstance(drive.chassis, SkidChassis):
-                own_rows = np.flatnonzero(self.models.kind_of[self._changed[:n_changed]] == number)
+                own_rows = np.flatnonzero(self.models.kind_of[cars] == number)
                 spins[own_rows, :2] = _sides(drive.limits, drive.chassis, steering[own_rows], speeds[own_rows])
-        rows = zip(changed, speeds.tolist(), spins.tolist(), angles.tolist(), strict=True)
+        rows = zip(cars.tolist(), speeds.tolist(), spins.tolist(), angles.tolist(), strict=True)
         for car, speed, spin, (left_rad, right_rad) in rows:
             kind = self._kinds[car]
             body, own, joints = self.bodies[car], self._motors[kind], self._joints_of[kind]
@@ -539,7 +548,7 @@ class Cars:
         self._move(car, pose, 0.0, 0.0)
         self.now = self.reading()
         self._aside[car] = True
-        self._sleep(car)
+        let_sleep(self._client, self.bodies[car])
 
     def enter(self, car: int, pose: FloatArray, speed: float, steering: float) -> None:
         """Let a car that was set aside drive on from some motion, its wheels rolling as that asks for.
@@ -560,19 +569,16 @@ class Cars:
 
     def rouse(self, car: int) -> None:
         """Wake a car that was set aside."""
-        client, body = self._client, self.bodies[car]
-        client.changeDynamics(body, -1, activationState=client.ACTIVATION_STATE_WAKE_UP)
-        client.changeDynamics(body, -1, activationState=client.ACTIVATION_STATE_DISABLE_SLEEPING)
-
-    def _sleep(self, car: int) -> None:
-        client, body = self._client, self.bodies[car]
-        client.changeDynamics(body, -1, activationState=client.ACTIVATION_STATE_ENABLE_SLEEPING)
-        client.changeDynamics(body, -1, activationState=client.ACTIVATION_STATE_SLEEP)
+        wake(self._client, self.bodies[car])
 
     @property
     def rest(self) -> bool:
         """Whether every car is held where it stands, or set aside."""
         return not self._pushes and bool((self._parked | self._aside).all())
+
+    def parked(self, *, on: bool) -> list[int]:
+        """Bodies of the cars that are held where they stand, or of the others; none that is set aside."""
+        return [self.bodies[car] for car in np.flatnonzero((self._parked == on) & ~self._aside).tolist()]
 
     def _move(self, car: int, pose: FloatArray, speed: float, steering: float) -> None:
         """Put a car at a pose, in motion."""
@@ -613,14 +619,16 @@ class Cars:
         self._parked, self._parked_at = memory.parked, memory.parked_at
         for pack, gait in zip(self._packs, memory.gaits, strict=True):
             pack.legged.recall(gait)
-        if (memory.aside | self._aside).any():
-            # The engine's snapshots do not hold who sleeps.
-            self._aside = memory.aside
-            for car, aside in enumerate(self._aside.tolist()):
-                (self._sleep if aside else self.rouse)(car)
+        self.recall_asides(memory)
         self._unset[:] = True
         for car, parked in enumerate(self._parked.tolist() if self._brakes else []):
             self._hold(car, on=parked)
+
+    def recall_asides(self, memory: _Memory) -> None:
+        """Let those cars sleep that were aside, and no others: the engine's snapshots do not hold who sleeps."""
+        for car in np.flatnonzero(memory.aside != self._aside).tolist():
+            (let_sleep if memory.aside[car] else wake)(self._client, self.bodies[car])
+        self._aside = memory.aside.copy()
 
     def _brake(self, commands: FloatArray) -> None:
         """Park the cars that stand and are told to, and let go of those that are not, or that were shoved away."""

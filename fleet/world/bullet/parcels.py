@@ -148,8 +148,15 @@ class Parcels:
 
     def rest(self, slow_mps: float) -> bool:
         """Whether all parcels move and turn more slowly than that [m/s, rad/s]."""
-        measure = self._client.getBaseVelocity
-        return all(abs(v) < slow_mps for body in self._bodies.values() for part in measure(body) for v in part)
+        return all(self._still(body, slow_mps) for body in self._bodies.values())
+
+    def still(self, slow_mps: float) -> list[int]:
+        """Bodies of the parcels that move and turn more slowly than that [m/s, rad/s]."""
+        return [body for body in self._bodies.values() if self._still(body, slow_mps)]
+
+    def _still(self, body: int, slow_mps: float) -> bool:
+        (vx, vy, vz), (wx, wy, wz) = self._client.getBaseVelocity(body)
+        return max(vx, vy, vz, wx, wy, wz) < slow_mps and min(vx, vy, vz, wx, wy, wz) > -slow_mps
 
     def state(self) -> list[float]:
         """All ids, positions and velocities, one after the other."""

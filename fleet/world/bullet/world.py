@@ -22,6 +22,7 @@ from fleet.world.bullet.contacts import ContactMonitor
 from fleet.world.bullet.engine import groups
 from fleet.world.bullet.engine.client import Client, quiet
 from fleet.world.bullet.engine.config import BulletConfig
+from fleet.world.bullet.engine.sleep import Sleepers
 from fleet.world.bullet.engine.urdf_text import without_visuals
 from fleet.world.bullet.engine.window import EngineWindow, arranged
 from fleet.world.bullet.fixed import FixedBodies
@@ -95,6 +96,7 @@ class BulletWorld:
         self.n_arms = len(scene.arm_base)
         self._n_calls = config.n_calls
         self._contact_breaking_m = config.contact_breaking_m
+        self._slow = config.slow
         call_s = config.tick_s / config.n_calls
         at_once = config.n_steps_per_call is not None
         urdfs = [CARS[kind.name].urdf(config.wheels) for kind in scene.car_kinds]
@@ -135,6 +137,7 @@ class BulletWorld:
                         limit_share=config.limit_share,
                         cubic=config.n_steps_per_tick is not None,
                     ),
+                    visuals=config.visuals,
                 )
                 self._parcels = Parcels(client, anchored=config.grip is Grip.FRICTION)
                 self._monitor = ContactMonitor(client, scene.cars, self._cars.bodies, self._arms.bodies, call_s)
@@ -176,6 +179,8 @@ class BulletWorld:
         self._empty = np.full((self.n_arms, 4), -1.0)
         self._rays = Rays(client, scene, self._arms.bodies)
         self._touch_tells = config.grip is Grip.FRICTION
+        rest_s = config.sleeps_after_s
+        self._sleepers = None if rest_s is None else Sleepers(client, max(1, round(rest_s / self.tick_s)))
         self._monitor.look_again()
         self._near = self._measure()
         client.performCollisionDetection()  # the engine's rays would not find all of the cars
@@ -185,6 +190,8 @@ class BulletWorld:
         self._cars.drive(np.asarray(car_commands, dtype=np.float64).reshape(self.n_cars, 2))
         self._arms.aim(np.asarray(arm_q, dtype=np.float64), np.asarray(arm_qd, dtype=np.float64))
         self._grip.command(np.asarray(grip, dtype=np.bool_))
+        if self._sleepers is not None:
+            self._rouse(self._sleepers, grip)
         parcels = self._parcels
         watched = self._watched()
         self._client.keep_contacts(self._contact_breaking_m)
@@ -204,6 +211,8 @@ class BulletWorld:
         if self.pods is not None:
             self.pods.tick(self._cars.now.poses)
         self._near = self._measure(ghosts=False)  # they are where they were before this tick
+        if self._sleepers is not None:
+            self._let_sleep(self._sleepers, grip)
 
     def car_poses(self) -> FloatArray:
         """Rear-axle poses x, y, yaw, shape (n_cars, 3)."""
@@ -250,7 +259,9 @@ class BulletWorld:
 
     def remove_parcel(self, parcel: int) -> None:
         """Take a parcel out of the world; raises `PhysicsError` if it is not there."""
-        self._parcels.body(parcel)
+        body = self._parcels.body(parcel)
+        if self._sleepers is not None:
+            self._sleepers.forget(body)
         self._grip.forget(parcel)
         self._parcels.remove(parcel)
 
@@ -293,6 +304,8 @@ class BulletWorld:
 
     def set_car_aside(self, car: int, pose: FloatArray) -> None:
         """Take a car out of all that happens, asleep at a pose x, y, yaw where nothing comes, shape (3,)."""
+        if self._sleepers is not None:
+            self._sleepers.forget(self._cars.bodies[car])
         self._cars.set_aside(car, pose)
         self._near = self._measure()
 
@@ -355,13 +368,9 @@ class BulletWorld:
         """Pose, linear and angular velocity of a parcel, shape (13,) [m, m/s, rad/s]."""
         return self._parcels.motion(parcel)
 
-    def rests(self, slow: float) -> bool:
-        """Whether nothing moves, or was told to.
-
-        Args:
-            slow: Speed up to which things count as resting [m/s, rad/s].
-        """
-        return self._cars.rest and self._arms.rest(slow) and self._parcels.rest(slow)
+    def rests(self) -> bool:
+        """Whether nothing moves, or was told to."""
+        return self._cars.rest and self._arms.rest(self._slow) and self._parcels.rest(self._slow)
 
     def fail_grip(self, arm: int) -> None:
         """Let an arm's tool fail: the vacuum breaks down, or the fingers open, until it is told to let go."""
@@ -441,6 +450,7 @@ class BulletWorld:
                 "contacts": self._monitor.memory(),
                 "clearance": self._clearance.smallest_m,
                 "pods": None if self.pods is None else self.pods.memory(),
+                "sleepers": {} if self._sleepers is None else self._sleepers.memory(),
             },
             parcels=parcels,
             obstacles=self._fixed.obstacles(),
@@ -473,14 +483,16 @@ class BulletWorld:
             client.restoreState(snapshot.state)
         else:
             self._rebuild(snapshot)
+        self._cars.recall(snapshot.memory["cars"])
+        self._arms.recall(snapshot.memory["arms"])
+        if self._sleepers is not None:
+            self._recall_sleep(self._sleepers, snapshot, restored)
         if snapshot.settled:
             self._search(on=True)
         else:
             client.performCollisionDetection()  # rays would see the old poses
         self._ghosts.hide()
         self._parcels.moved()
-        self._cars.recall(snapshot.memory["cars"])
-        self._arms.recall(snapshot.memory["arms"])
         self._grip.recall(snapshot.memory["grip"])
         self._monitor.recall(snapshot.memory["contacts"])
         if self.pods is not None:
@@ -498,6 +510,40 @@ class BulletWorld:
     def close(self) -> None:
         """End the connection to the engine; calling twice is harmless."""
         self._client.close()
+
+    def _recall_sleep(self, sleepers: Sleepers, snapshot: Snapshot, restored: bool) -> None:
+        """Let those sleep that slept then: that takes the engine two steps, after which it returns once more."""
+        sleepers.recall(snapshot.memory["sleepers"] if restored else {})
+        if not restored:
+            return
+        asleep = sleepers.asleep()
+        self._cars.hold_still(asleep)
+        self._arms.hold_still(asleep)
+        sleepers.go_on(just_now=False)
+        for _ in range(2):
+            self._client.stepSimulation()
+        self._client.restoreState(snapshot.state)
+        sleepers.go_on(just_now=True)
+
+    def _rouse(self, sleepers: Sleepers, grip: BoolArray) -> None:
+        """Wake what is told something in this tick, and what is in a grip."""
+        sleepers.rouse(self._cars.parked(on=False))
+        told = self._arms.stirred | np.asarray(grip, dtype=np.bool_)
+        sleepers.rouse([self._arms.bodies[arm] for arm in np.flatnonzero(told).tolist()])
+        sleepers.rouse([self._parcels.body(parcel) for parcel in self._grip.held if parcel >= 0])
+
+    def _let_sleep(self, sleepers: Sleepers, grip: BoolArray) -> None:
+        """Let what rests sleep: parked cars, arms without a parcel, and parcels that nobody holds."""
+        held = np.array(self._grip.held, dtype=np.int64)
+        arms = self._arms.still(self._slow) & ~np.asarray(grip, dtype=np.bool_) & (held < 0)
+        in_grip = {self._parcels.body(parcel) for parcel in held.tolist() if parcel >= 0}
+        sleepers.look(
+            [
+                *self._cars.parked(on=True),
+                *(self._arms.bodies[arm] for arm in np.flatnonzero(arms).tolist()),
+                *(body for body in self._parcels.still(self._slow) if body not in in_grip),
+            ]
+        )
 
     def _watched(self) -> list[bool]:
         """Arms that could touch something new in this tick, or whose fingers have to feel what they hold."""

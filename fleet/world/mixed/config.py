@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from fleet.config import Grip, require
 from fleet.world.bullet.engine.config import BulletConfig
 
-_ENGINE_MB, _ARM_MB = 30.0, 5.0
+_ENGINE_MB, _ARM_MB, _SEEN_ARM_MB = 30.0, 2.0, 5.0
 _LEAST_REGIONS = 8
 
 
@@ -19,7 +19,7 @@ class MixedConfig:
     grip_force_n: float | None = None
     """Most force of a cup, or of each finger [N]; None = the tool's."""
     images: bool = True
-    """Whether cars are seen in images, for which each takes 5 MB."""
+    """Whether robots are seen in images, for which a car takes 5 MB and an arm 3 MB more."""
     tick_s: float = 1 / 30
     """Length of one tick [s], that of physics: with 0.05 s arms follow their set-points ten times as coarsely, and
     parcels slip by 0.2 mm instead of 0.02 mm."""
@@ -37,12 +37,13 @@ class MixedConfig:
     """Walls, shelves, pedestals and obstacles that reach so near to an arm's base are in its region [m]."""
     neighbours_m: float = 1.5
     """Arms that stand nearer to each other than this share a region, as those of one dock do [m]."""
-    memory_mb: float = 750.0
+    memory_mb: float = 900.0
     """What all regions may take, see `n_regions`: larger sites have regions of more arms [MB]."""
     n_slots: int = 3
     """Bodies that wait for cars in a region of one arm; one more for each further arm."""
     still_s: float = 0.5
-    """A region is no longer stepped when nothing moved for so long [s]; fingers have closed by then."""
+    """What has not moved for so long sleeps, and a region in which nothing did is no longer stepped [s]; fingers have
+    closed by then."""
     slow: float = 1e-3
     """Speed up to which things count as resting [m/s, rad/s]: a parcel that lies still rocks by 1e-4 in the solver."""
 
@@ -64,8 +65,9 @@ class MixedConfig:
         require(self.n_slots >= 1, "mixed.n_slots", self.n_slots, "an integer >= 1")
 
     def n_regions(self, n_arms: int) -> int:
-        """Number of regions at most: each has an engine of its own, which takes 30 MB with nothing in it; arms 5 MB."""
-        return max(_LEAST_REGIONS, int((self.memory_mb - _ARM_MB * n_arms) / _ENGINE_MB))
+        """Number of regions at most: each has an engine of its own, which takes 30 MB with nothing in it; arms 2 MB."""
+        arms_mb = n_arms * (_SEEN_ARM_MB if self.images else _ARM_MB)
+        return max(_LEAST_REGIONS, int((self.memory_mb - arms_mb) / _ENGINE_MB))
 
     @property
     def n_substeps(self) -> int:

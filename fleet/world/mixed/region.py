@@ -63,6 +63,8 @@ class Region:
                 tick_s=config.tick_s,
                 n_steps_per_tick=config.n_substeps,
                 visuals=config.images,
+                sleeps_after_s=config.still_s,
+                slow=config.slow,
             ),
         )
         self.car_in = np.full(n_slots, _FREE, dtype=np.int64)
@@ -109,7 +111,7 @@ class Region:
             if self._roused_for > _ROUSED_TICKS:  # its car has turned away
                 self.world.set_car_aside(self._roused, aside(self._roused))
                 self._roused = _FREE
-        self._still_s = self._still_s + self._config.tick_s if self.world.rests(self._config.slow) else 0.0
+        self._still_s = self._still_s + self._config.tick_s if self.world.rests() else 0.0
 
     def fresh_contacts(self) -> tuple[Contacts, IntArray, IntArray] | None:
         """Contacts since this was asked last: all, of each slot's car, and of each arm; None if there were none."""

@@ -21,16 +21,25 @@ _NUMBERS = {
 """Attributes of the parts of links and joints that must be numbers."""
 _ROWS = {"xyz": 3, "rpy": 3, "size": 3, "scale": 3}
 """How many numbers such an attribute has; the others have one."""
+_SPECK_M = "0.01"
+"""Edges of the boxes that stand for what is not seen [m]."""
 _FAR = 1e4
 """No joint goes farther [rad or m]."""
 
 
 def without_visuals(text: str) -> str:
-    """Leave out of a description what is only there to be seen."""
+    """Leave out of a description what is only there to be seen; links that touch are seen as small boxes.
+
+    The engine draws a link that has no visuals as what touches, and keeps all of its triangles for that: an arm takes
+    4.4 MB with and without visuals, and 1.5 MB so.
+    """
     root = ElementTree.fromstring(text)
     for link in root.findall("link"):
         for visual in link.findall("visual"):
             link.remove(visual)
+        if link.find("collision") is not None:
+            geometry = ElementTree.SubElement(ElementTree.SubElement(link, "visual"), "geometry")
+            ElementTree.SubElement(geometry, "box", size=" ".join(3 * [_SPECK_M]))
     return ElementTree.tostring(root, encoding="unicode")
 
 

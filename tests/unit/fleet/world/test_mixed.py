@@ -14,6 +14,7 @@ from fleet.arrays import FloatArray
 from fleet.config import Connect, Fidelity, Perception, RunConfig
 from fleet.errors import ConfigError
 from fleet.robots import ARMS, ArmTeam
+from fleet.robots.cars.racecar import racecar_spec
 from fleet.sensors.camera import Camera
 from fleet.sensors.errors import SensorError
 from fleet.world.kinematic import CommandError, KinematicWorld, SnapshotError
@@ -274,6 +275,71 @@ def test_all_can_be_placed_anew(world: MixedWorld, lane: Scene) -> None:
     assert [inside(world, car) for car in (0, 1)] == [False, True]
 
 
+def at_the_dock(world: MixedWorld, for_s: float = 1.0) -> None:
+    """Let the first car bring a parcel to the arm, and stand there for a while."""
+    x, y, _ = world.car_poses()[0]
+    world.add_parcel(parcel(1, x + racecar_spec().tray_x_m, y, racecar_spec().tray_floor_z_m + 0.03))
+    for _ in range(round(2.95 / world.tick_s)):
+        step(world, (1.0, 0.0))
+    for _ in range(round(for_s / world.tick_s)):
+        step(world)
+
+
+def shaken(world: MixedWorld, n_ticks: int) -> None:
+    """Let the arm sway, so that its region is awake."""
+    home = ARMS["iiwa"].spec().home_rad[None]
+    for k in range(n_ticks):
+        step(world, q=home + 0.02 * math.sin(0.3 * k))
+
+
+def test_what_rests_sleeps_one_by_one_while_its_region_is_awake(world: MixedWorld) -> None:
+    at_the_dock(world)
+    shaken(world, 30)
+    region = world._regions[0]
+    inner = region.world
+    asleep = inner._sleepers.asleep() if inner._sleepers is not None else set()
+    assert world.n_awake() == 1
+    assert asleep == {inner._cars.bodies[0], inner._parcels.body(1)}  # not the arm
+    before = world.car_poses()[0].copy(), world.parcel_poses()[0].copy()
+    shaken(world, 30)
+    assert np.array_equal(world.car_poses()[0], before[0])  # a car that is held awake creeps
+    assert np.array_equal(world.parcel_poses()[0], before[1])
+
+
+def test_who_sleeps_starts_when_told_and_gives_way_when_shoved(world: MixedWorld) -> None:
+    at_the_dock(world)
+    shaken(world, 20)
+    lies = from_car(world, 0)
+    x = world.car_poses()[0, 0]
+    world.push_car(0, 0.0, 0.05, 0.0)
+    shaken(world, 30)
+    assert world.car_poses()[0, 1] == pytest.approx(LANE_Y_M + 0.05, abs=0.01)
+    shaken(world, 20)
+    for _ in range(round(0.5 / world.tick_s)):
+        step(world, (0.6, 0.0))
+    assert world.car_poses()[0, 0] - x > 0.2
+    assert from_car(world, 0)[:3] == pytest.approx(lies[:3], abs=0.005)  # the parcel came along
+
+
+def test_a_moment_returns_to_the_last_bit_whoever_sleeps(world: MixedWorld) -> None:
+    def go_on() -> bytes:
+        shaken(world, 20)
+        for _ in range(12):
+            step(world, (0.0, 0.0))
+        for _ in range(8):
+            step(world, (0.2, 0.0))
+        return world.state_bytes()
+
+    at_the_dock(world, for_s=0.0)
+    for ticks in (6, 9, 1, 1, 4):  # the car begins to sleep after half a second, which is 15 ticks
+        shaken(world, ticks)
+        moment = world.save()
+        first = go_on()
+        world.load(moment)
+        assert go_on() == first
+        world.load(moment)
+
+
 def test_arms_of_one_dock_share_a_region_and_large_sites_have_no_more_than_they_may(hall: Scene) -> None:
     xs = [0.0, 1.2, 4.0, 6.0, 8.0]
     base = np.array([[x, 0.0, 0.0, 0.0] for x in xs])
@@ -282,8 +348,10 @@ def test_arms_of_one_dock_share_a_region_and_large_sites_have_no_more_than_they_
     assert regions_of(scene, MixedConfig()) == [[0, 1], [2], [3], [4]]
     base = np.array([[2.0 * k, 0.0, 0.0, 0.0] for k in range(68)])
     many = replace(hall, arms=hall.arms.part([0] * 68), arm_base=base, arm_start=np.zeros((68, 7)))
-    parts = regions_of(many, MixedConfig())
-    assert len(parts) == MixedConfig().n_regions(68) == 13
+    seen = MixedConfig(images=True, memory_mb=750.0)
+    parts = regions_of(many, seen)
+    assert len(parts) == seen.n_regions(68) == 13
+    assert replace(seen, images=False).n_regions(68) == 20  # arms that nobody sees take less
     assert sorted(arm for part in parts for arm in part) == list(range(68))
     assert {len(part) for part in parts} == {5, 6}
     none = replace(hall, arms=hall.arms.part(()), arm_base=np.zeros((0, 4)), arm_start=np.zeros((0, 7)))
