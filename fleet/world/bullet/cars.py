@@ -578,7 +578,8 @@ class Cars:
 
     def parked(self, *, on: bool) -> list[int]:
         """Bodies of the cars that are held where they stand, or of the others; none that is set aside."""
-        return [self.bodies[car] for car in np.flatnonzero((self._parked == on) & ~self._aside).tolist()]
+        cars = zip(self.bodies, self._parked.tolist(), self._aside.tolist(), strict=True)
+        return [body for body, parked, aside in cars if parked is on and not aside]
 
     def _move(self, car: int, pose: FloatArray, speed: float, steering: float) -> None:
         """Put a car at a pose, in motion."""

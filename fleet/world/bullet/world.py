@@ -189,7 +189,8 @@ class BulletWorld:
         """Advance one tick; see `World.step`."""
         self._cars.drive(np.asarray(car_commands, dtype=np.float64).reshape(self.n_cars, 2))
         self._arms.aim(np.asarray(arm_q, dtype=np.float64), np.asarray(arm_qd, dtype=np.float64))
-        self._grip.command(np.asarray(grip, dtype=np.bool_))
+        grip = np.asarray(grip, dtype=np.bool_)
+        self._grip.command(grip)
         if self._sleepers is not None:
             self._rouse(self._sleepers, grip)
         parcels = self._parcels
@@ -527,20 +528,24 @@ class BulletWorld:
 
     def _rouse(self, sleepers: Sleepers, grip: BoolArray) -> None:
         """Wake what is told something in this tick, and what is in a grip."""
-        sleepers.rouse(self._cars.parked(on=False))
-        told = self._arms.stirred | np.asarray(grip, dtype=np.bool_)
-        sleepers.rouse([self._arms.bodies[arm] for arm in np.flatnonzero(told).tolist()])
-        sleepers.rouse([self._parcels.body(parcel) for parcel in self._grip.held if parcel >= 0])
+        told = zip(self._arms.bodies, self._arms.stirred.tolist(), grip.tolist(), strict=True)
+        sleepers.rouse(
+            [
+                *self._cars.parked(on=False),
+                *(body for body, stirred, grips in told if stirred or grips),
+                *(self._parcels.body(parcel) for parcel in self._grip.held if parcel >= 0),
+            ]
+        )
 
     def _let_sleep(self, sleepers: Sleepers, grip: BoolArray) -> None:
         """Let what rests sleep: parked cars, arms without a parcel, and parcels that nobody holds."""
-        held = np.array(self._grip.held, dtype=np.int64)
-        arms = self._arms.still(self._slow) & ~np.asarray(grip, dtype=np.bool_) & (held < 0)
-        in_grip = {self._parcels.body(parcel) for parcel in held.tolist() if parcel >= 0}
+        held, still = self._grip.held, self._arms.still(self._slow).tolist()
+        arms = zip(self._arms.bodies, still, grip.tolist(), held, strict=True)
+        in_grip = {self._parcels.body(parcel) for parcel in held if parcel >= 0}
         sleepers.look(
             [
                 *self._cars.parked(on=True),
-                *(self._arms.bodies[arm] for arm in np.flatnonzero(arms).tolist()),
+                *(body for body, rests, grips, parcel in arms if rests and not grips and parcel < 0),
                 *(body for body in self._parcels.still(self._slow) if body not in in_grip),
             ]
         )
