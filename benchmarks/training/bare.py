@@ -38,6 +38,7 @@ class BareLoop:
         n_steps: Physics steps per control step.
         like_fleet: The floor is as rough as in the fleet's world; else as the engine makes it by itself.
         physics_hz: Physics steps a second.
+        solver: How exactly the engine solves; None = as training does.
     """
 
     def __init__(
@@ -49,9 +50,10 @@ class BareLoop:
         *,
         like_fleet: bool = False,
         physics_hz: float = PHYSICS_HZ,
+        solver: BulletConfig | None = None,
     ) -> None:
         self._client = client = Client()
-        config = BulletConfig(tick_s=exact_tick_s(n_steps, physics_hz), n_steps_per_call=n_steps)
+        config = solver or BulletConfig(tick_s=exact_tick_s(n_steps, physics_hz), n_steps_per_call=n_steps)
         client.setGravity(0.0, 0.0, -9.81)
         client.setPhysicsEngineParameter(
             fixedTimeStep=1.0 / physics_hz,
