@@ -10,6 +10,7 @@ import numpy as np
 
 from fleet.arrays import BoolArray, FloatArray, IntArray
 from fleet.sensors.camera import Camera, CameraImage
+from fleet.sensors.errors import SensorError
 from fleet.world.kinematic import CommandError, SnapshotError
 from fleet.world.parcels import ParcelError
 from fleet.world.protocol import Contacts, ParcelBody
@@ -220,7 +221,13 @@ class TiledWorld:
         return hits
 
     def image(self, camera: Camera) -> CameraImage:
-        """What a camera sees of the tile that it looks at."""
+        """What a camera sees of the tile that it looks at.
+
+        Raises:
+            SensorError: Robots are not to be seen.
+        """
+        if not self._config.bullet.visuals:
+            raise SensorError(f"camera {camera.name}: this world was made without images; valid: perception camera")
         x, y = camera.aims_at.tolist()
         image: CameraImage = self._crew.ask(self._split.at(x, y), "image", camera)
         return image

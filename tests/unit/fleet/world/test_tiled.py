@@ -13,6 +13,9 @@ import pytest
 from fleet.config import Connect, Fidelity, PhysicsConfig, RunConfig
 from fleet.errors import ConfigError
 from fleet.scale.floors import floor_for
+from fleet.sensors.camera import Camera
+from fleet.sensors.errors import SensorError
+from fleet.world.bullet.engine.config import BulletConfig
 from fleet.world.bullet.world import BulletWorld
 from fleet.world.kinematic import CommandError, SnapshotError
 from fleet.world.parcels import ParcelError
@@ -213,3 +216,12 @@ def test_processes_have_about_as_many_cars_whatever_order_tiles_are_numbered_in(
     # Every second tile or so is empty when the run begins, as on the generated floor for 1,000 cars.
     n_cars = np.array([71, 78, 78, 0, 137, 0, 118, 133, 0, 126, 0, 0, 135, 0, 124])
     assert max(int(n_cars[own].sum()) for own in shares(n_cars, 2)) < 1.1 * n_cars.sum() / 2
+
+
+def test_pictures_without_robots_are_refused(lane: Scene) -> None:
+    unseen = TiledWorld(lane, TiledConfig(bullet=BulletConfig(visuals=False), n_cars=1))
+    eye, target = np.array([3.0, 3.0, 2.0]), np.array([3.0, LANE_Y_M, 0.0])
+    camera = Camera.looking_at("eye", eye_m=eye, target_m=target, width_px=32, height_px=24)
+    with pytest.raises(SensorError, match="camera eye: this world was made without images"):
+        unseen.image(camera)
+    unseen.close()
