@@ -40,6 +40,10 @@ COMPILED_S = 20.0
 """A first cell that takes longer has compiled the kernels, which happens once: its time does not count [s]."""
 WARM_UP_WALL_S = 600.0
 """Most wall time for that [s]."""
+NO_TIME = "no time was left"
+"""Why a cell was not begun."""
+ORDERS_PER_CAR, MOST_ORDERS_MORE = 12, 10_000
+"""So that orders last: of the fastest fleets a car makes ten deliveries in the time of a cell."""
 
 
 CellKey = tuple[int, Fidelity]
@@ -101,12 +105,14 @@ def measure_capacity(
 
         def attempt(key: CellKey, share: float) -> None:
             n, fidelity = key
-            wall_s = max(LEAST_CELL_S, share * (until - time.monotonic()))
-            if interrupted or wall_s > until - time.monotonic():
-                why.setdefault(key, "interrupted" if interrupted else "no time was left")
+            left_s = until - time.monotonic()
+            wall_s = max(LEAST_CELL_S, share * left_s)
+            if interrupted or wall_s > left_s:
+                why.setdefault(key, "interrupted" if interrupted else NO_TIME)
                 return
             progress(len(measured), f"{n} robots, {fidelity}")
-            answer = run_cell(n, fidelity, Path(folder) / f"{n}.toml", wall_s, interrupted)
+            floor = Path(folder) / f"{n}.toml"
+            answer = run_cell(n, fidelity, floor, wall_s, interrupted, n_orders=enough_orders(n))
             if isinstance(answer, str):
                 why[key] = answer
             elif answer.real_time_factor is None:
@@ -124,13 +130,15 @@ def measure_capacity(
             failed = next((n for n, fidelity in why if fidelity is key[1]), None)
             if failed is None:
                 attempt(key, time_share(cells[k:], why))
+            elif interrupted:
+                why[key] = "interrupted"
             else:
-                why[key] = "interrupted" if interrupted else f"{failed} robots did not fit"
+                why[key] = NO_TIME if why[failed, key[1]] == NO_TIME else f"{failed} robots did not fit"
         again = [next(key for key in why if key[1] is kind) for kind in fidelities if any(kind is f for _, f in why)]
         for k, key in enumerate(again):
             attempt(key, 1.0 / (len(again) - k))
             if key in measured:
-                why |= {other: "no time was left" for other in why if other[1] is key[1]}
+                why |= {other: NO_TIME for other in why if other[1] is key[1]}
     return tuple(complete(key, measured, why.get(key, "")) for key in cells)
 
 
@@ -139,6 +147,11 @@ def time_share(cells: Sequence[CellKey], failed: Collection[CellKey]) -> float:
     kinds = {kind for _, kind in failed}
     weights = [1.0 + math.log10(n) for n, fidelity in cells if fidelity not in kinds]
     return weights[0] / sum(weights)
+
+
+def enough_orders(n_cars: int) -> int:
+    """Orders of a cell, which are waiting from the start: with too few a fleet would run empty, and deliver less."""
+    return 300 + min(ORDERS_PER_CAR * n_cars, 2 * n_cars + MOST_ORDERS_MORE)
 
 
 def extrapolate(known: Mapping[int, float | None], size: int, *, power: bool = True) -> float | None:

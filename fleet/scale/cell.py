@@ -10,11 +10,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from fleet.abstract.fleet import FloorTooLarge
+from fleet.abstract.kernel import Stage
 from fleet.abstract.run import AbstractRun
 from fleet.arrays import FloatArray
 from fleet.config import ArmConfig, Fidelity, PhysicsConfig, RunConfig, TrafficConfig
@@ -25,7 +26,7 @@ from fleet.scale.floors import floor_for
 from fleet.simulation import Simulation
 from fleet.study.backend import POLL_S
 from fleet.study.pool import begin_process
-from fleet.tasks.board import DONE_STATES
+from fleet.tasks.board import DONE_STATES, TaskState
 from maps.site import save_site
 
 WARM_UP_S = 2.0
@@ -36,6 +37,8 @@ LEAST_TASKS_SIM_S = 300.0
 """Least simulated time from which deliveries are told: the first parcel takes a minute or two [s]."""
 MOST_SIM_S = 900.0
 """Simulated time after which a cell has seen enough [s]."""
+NOT_BEGUN = (TaskState.ORDERED, TaskState.BACKLOG)
+"""Orders that are still to come or wait for a station."""
 SPARE_S = 0.5
 """Wall time for the answer [s]."""
 
@@ -71,6 +74,7 @@ def run_cell(
     *,
     most_sim_s: float = MOST_SIM_S,
     n_workers: int = 1,
+    n_orders: int | None = None,
 ) -> CellFigures | str:
     """Measure one cell in a process of its own.
 
@@ -82,6 +86,7 @@ def run_cell(
         interrupted: Becomes non-empty when the user wants to stop.
         most_sim_s: Simulated time after which it has seen enough [s].
         n_workers: Processes that share the physics.
+        n_orders: Orders at the start; None = two for each car, and some. A cell ends when the last of them is begun.
 
     Returns:
         Figures, or why there are none.
@@ -92,7 +97,7 @@ def run_cell(
     until = time.time() + wall_s
     context = multiprocessing.get_context("spawn")
     here, there = context.Pipe(duplex=False)
-    words = (there, n_cars, fidelity, floor, until - SPARE_S, most_sim_s, n_workers)
+    words = (there, n_cars, fidelity, floor, until - SPARE_S, most_sim_s, n_workers, n_orders)
     process = context.Process(target=_answer, args=words, daemon=True)
     process.start()
     there.close()
@@ -115,12 +120,11 @@ def run_cell(
     return answer
 
 
-def _answer(
-    there: Connection, n_cars: int, fidelity: Fidelity, floor: Path, until: float, most_sim_s: float, n_workers: int
-) -> None:
+def _answer(there: Connection, *words: Any) -> None:
+    """`measure_cell` in a process of its own."""
     begin_process()
     try:
-        there.send(measure_cell(n_cars, fidelity, floor, until, most_sim_s, n_workers))
+        there.send(measure_cell(*words))
     except FloorTooLarge as error:
         there.send(str(error))
     except FleetError as error:
@@ -134,8 +138,9 @@ def measure_cell(
     until: float,
     most_sim_s: float = MOST_SIM_S,
     n_workers: int = 1,
+    n_orders: int | None = None,
 ) -> CellFigures:
-    """Measure one cell in this process.
+    """Measure one cell in this process; a fleet that runs out of orders is not measured any longer.
 
     Args:
         n_cars: Fleet size.
@@ -144,6 +149,7 @@ def measure_cell(
         until: When to stop, as `time.time` has it [s].
         most_sim_s: Simulated time after which it has seen enough [s].
         n_workers: Processes that share the physics.
+        n_orders: Orders at the start; None = two for each car, and some.
 
     Raises:
         FleetError: The run was refused.
@@ -155,7 +161,7 @@ def measure_cell(
     config = RunConfig(
         site=str(floor),
         robots=n_cars,
-        tasks=2 * n_cars + 300,  # some are left when a small fleet has run its time
+        tasks=2 * n_cars + 300 if n_orders is None else n_orders,
         duration_s=most_sim_s,
         fidelity=fidelity,
         traffic=TrafficConfig.usual(fidelity),
@@ -172,7 +178,8 @@ def measure_cell(
         while simulation.sim_s < WARM_UP_S and time.time() < until:
             simulation.tick()
         warm = _Moment.now(simulation.sim_s)
-        while not simulation.finished and time.time() < until:
+        count = simulation.board.count
+        while any(map(count, NOT_BEGUN)) and not simulation.finished and time.time() < until:
             simulation.tick()
         end = _Moment.now(simulation.sim_s)
         done_s = np.array([task.done_s or 0.0 for task in simulation.board.in_state(*DONE_STATES)])
@@ -189,7 +196,8 @@ def _abstract_cell(config: RunConfig, begin: float, until: float) -> CellFigures
     while run.sim_s < WARM_UP_S and time.time() < until:
         run.step()
     warm = _Moment.now(run.sim_s)
-    while run.sim_s < config.duration_s and not run.done and not run.stalled and time.time() < until:
+    stages = run.fleet.tasks.stage
+    while (stages <= Stage.READY).any() and run.sim_s < config.duration_s and not run.stalled and time.time() < until:
         run.step()
     end = _Moment.now(run.sim_s)
     return _figures(warm, end, first_move_s, run.told().done_s, run.accounts.car_time(), 0)

@@ -120,6 +120,27 @@ def test_a_cell_is_measured_until_it_has_seen_enough(tmp_path: Path) -> None:
     assert 20.0 < found.memory_mb <= peak_memory_mb()
 
 
+def test_a_fleet_that_has_run_out_of_orders_is_not_measured_any_longer(tmp_path: Path) -> None:
+    for fidelity in (GRID, Fidelity.ABSTRACT):
+        found = measure_cell(3, fidelity, tmp_path / "floor.toml", time.time() + 3600.0, most_sim_s=310.0, n_orders=5)
+        assert found.sim_s < 200.0
+        assert found.tasks_per_h is None
+
+
+def test_the_last_cell_has_all_of_the_time_that_is_left(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = MEASURED[10, GRID]
+    given = []
+
+    def told(n_cars: int, *words: object, **options: object) -> CellFigures:
+        given.append((n_cars, options.get("n_orders")))
+        return found
+
+    monkeypatch.setattr("fleet.scale.capacity.run_cell", told)
+    cells = measure_capacity([1, 2], [GRID], 1.0, interrupted=[], progress=lambda done, now: None)
+    assert [cell.why for cell in cells] == ["", ""]
+    assert given == [(1, None), (1, 312), (2, 324)]  # first the kernels
+
+
 def test_a_cell_without_time_has_no_speed(tmp_path: Path) -> None:
     found = measure_cell(1, GRID, tmp_path / "floor.toml", time.time() - 1.0)
     assert (found.real_time_factor, found.tasks_per_h) == (None, None)
