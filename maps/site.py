@@ -178,6 +178,21 @@ def site_names() -> tuple[str, ...]:
     return tuple(sorted(path.stem for path in _DATA.glob("*.toml")))
 
 
+def site_file(name_or_path: str | os.PathLike[str]) -> Path:
+    """Find the file of a site that ships (by name) or of any other (by path).
+
+    Raises:
+        UnknownSiteError: Neither a shipped site nor a file.
+    """
+    text = os.fspath(name_or_path)
+    path = _DATA / f"{text}.toml" if text in site_names() else Path(text)
+    if not is_file(path):
+        what = "a folder" if path.is_dir() else f"unknown{hint(text, site_names())}"
+        names = ", ".join(site_names())
+        raise UnknownSiteError(f"site {shown(text)} is {what}; valid: one of {names} or a path to a site file")
+    return path
+
+
 def load_site(name_or_path: str | os.PathLike[str]) -> Site:
     """Read a site that ships (by name) or a site file (by path).
 
@@ -229,13 +244,8 @@ def outline(name_or_path: str | os.PathLike[str]) -> SiteOutline:
 
 def _read_table(name_or_path: str | os.PathLike[str]) -> tuple[_SiteTable, str]:
     """The content of a site file, and how messages name it."""
-    text = os.fspath(name_or_path)
-    path = _DATA / f"{text}.toml" if text in site_names() else Path(text)
-    if not is_file(path):
-        what = "a folder" if path.is_dir() else f"unknown{hint(text, site_names())}"
-        names = ", ".join(site_names())
-        raise UnknownSiteError(f"site {shown(text)} is {what}; valid: one of {names} or a path to a site file")
-    where = f"site {text}"
+    path = site_file(name_or_path)
+    where = f"site {os.fspath(name_or_path)}"
     try:
         content = parse_toml(read_text(path, where, valid=_FORM), where, valid=_FORM)
     except FileError as error:

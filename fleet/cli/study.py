@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import shlex
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, redirect_stdout
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,7 +19,7 @@ from fleet.cli.run_output import PLAIN_WIDTH, plain_console
 from fleet.config import Fidelity, StreamConfig, StreamKind, TrafficConfig, require
 from fleet.config.member_settings import file_settings, member_settings
 from fleet.outputs import require_folder
-from fleet.study.design import ORDERS_PER_CAR_H, Design, parse_names, parse_range
+from fleet.study.design import MOST_SEEDS, Design, parse_names, parse_range, usual_rate_per_h
 from fleet.terminal.interrupts import interrupts
 from fleet.terminal.progress_bar import Bar
 from planners.allocation import ALLOCATORS
@@ -105,7 +105,7 @@ class Study:
 
     def run(self) -> int:
         """Run and print the findings; returns the exit status."""
-        require(self.seeds >= 1, "--seeds", self.seeds, "an integer >= 1")
+        require(1 <= self.seeds <= MOST_SEEDS, "--seeds", self.seeds, f"an integer from 1 to {MOST_SEEDS}")
         require(0.0 < self.duration < 1e6, "--duration", self.duration, "a number > 0, at most a million")
         require(self.jobs is None or self.jobs >= 1, "--jobs", self.jobs, "an integer >= 1")
         require(self.stream in (None, *StreamKind), "--stream", self.stream, ", ".join(StreamKind))
@@ -141,7 +141,7 @@ class Study:
         # Planners take a second to load: only for runs, not for --help.
         from fleet.study.study import check, run_study
 
-        check(design)
+        refused = check(design)
         require_folder("--out", self.out)
         with (
             interrupts() as interrupted,
@@ -164,7 +164,7 @@ class Study:
             )
         console = plain_console(columns=PLAIN_WIDTH)
         if outcome.rows:
-            self._show(console, outcome, design)
+            self._show(console, outcome, design, refused)
         if outcome.n_open:
             missing = "1 run is missing" if outcome.n_open == 1 else f"{outcome.n_open} runs are missing"
             console.print(f"interrupted: {missing}; --resume does what is left", soft_wrap=True)
@@ -178,7 +178,7 @@ class Study:
             from fleet.study.study import kept_rate
 
             return kept_rate(self.out)
-        return ORDERS_PER_CAR_H * max(robots)
+        return usual_rate_per_h(max(robots))
 
     @contextmanager
     def _backend(self) -> Iterator[Backend]:
@@ -211,7 +211,7 @@ class Study:
                     said += [option, f"{each}".removesuffix(".0") if isinstance(each, float) else f"{each}"]
         return shlex.join(said)
 
-    def _show(self, console: Console, outcome: Outcome, design: Design) -> None:
+    def _show(self, console: Console, outcome: Outcome, design: Design, refused: Sequence[str]) -> None:
         from fleet.study.conclusions import sentences
         from fleet.study.page import PAGE, charts, write_page
 
@@ -224,9 +224,10 @@ class Study:
         settings = (
             f"{seeds}, {self.duration:g} s each, {self.fidelity}. Again: python -m fleet study {self._words(design)}"
         )
-        write_page(self.out / PAGE, findings=findings, plots=list(plots.values()), title=title, settings=settings)
+        drawn = list(plots.values())
+        write_page(self.out / PAGE, findings=findings, plots=drawn, title=title, settings=settings, refused=refused)
         console.print(_table(outcome, title))
-        for sentence in sentences(findings):
+        for sentence in (*refused, *sentences(findings)):
             console.print(sentence, soft_wrap=True)
         console.print(f"page: {self.out / PAGE}", soft_wrap=True)
 

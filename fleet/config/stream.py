@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from fleet.config.choices import StreamKind
 from fleet.config.settings import Settings, not_negative, positive, require
 
-RATES_PER_H = (1e-3, 1e5)
+RATES_PER_H = (1e-3, 1e6)
 """Least and greatest rate of a stream: from one order in six weeks to more than any site can take."""
 
 

@@ -12,6 +12,7 @@ from scipy.optimize import least_squares
 from fleet.arrays import FloatArray
 from fleet.control.standard_errors import standard_errors
 from fleet.robots.cars.models import usual_car
+from fleet.run.starts import require_room
 from fleet.scale.car_model import (
     CarModel,
     Residuals,
@@ -22,6 +23,7 @@ from fleet.scale.car_model import (
     simulated_turns,
 )
 from fleet.scale.drives import DriveRecord, circles, drive_site, drive_steps, speed_steps, steering_steps
+from maps.site import load_site
 
 N_STEPS = 24
 """Commands of each kind of step."""
@@ -84,6 +86,7 @@ def fit_cars(site: str, robots: int, seed: int, duration_s: float) -> FitOutcome
         ConfigError: The site has no room for that many cars.
         SiteError: The site cannot be read or served.
     """
+    require_room(robots, load_site(site))
     rng = np.random.default_rng(seed)
     speed, steering, turning = (drive_steps(make(N_STEPS, rng)) for make in (speed_steps, steering_steps, circles))
     fleet = drive_site(site, robots, seed, duration_s)

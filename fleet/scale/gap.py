@@ -8,18 +8,16 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 
-from fleet.abstract.run import require_abstract, require_plain
+from fleet.abstract.run import require_abstract
 from fleet.charts.drawing import Drawing
 from fleet.charts.forest import ForestLine, draw_forest
 from fleet.charts.statistics import Estimate, estimate, paired
 from fleet.config import Fidelity
 from fleet.recording.run_file import plain
-from fleet.robots.cars.models import usual_car
 from fleet.run.starts import require_room
 from fleet.scale.gap_run import GapDesign, GapRow, measure_run
 from fleet.study.pool import run_each
-from fleet.tasks.order import ability_of
-from fleet.tasks.order_file import read_orders
+from fleet.study.refused_orders import refused_orders
 from fleet.whole_file import draft_of, write_whole
 from maps.site import load_site
 
@@ -51,8 +49,11 @@ class Gap:
     time."""
 
 
-def check_gap(design: GapDesign) -> None:
+def check_gap(design: GapDesign) -> tuple[str, ...]:
     """Refuse runs before the first one begins.
+
+    Returns:
+        Orders of a file that are refused, in words.
 
     Raises:
         ConfigError: The site has no room for so many cars, or abstract runs do not know it, or an order.
@@ -64,12 +65,9 @@ def check_gap(design: GapDesign) -> None:
     if abstract is not None:
         require_abstract(abstract, site)
     require_room(design.robots, site)
-    if design.orders is not None:
-        payload_kg = usual_car().max_payload_kg
-        cars = [ability_of(car, payload_kg) for car in range(design.robots)]
-        book = read_orders(design.orders, site, cars, n_chargers=0)
-        for order in book.orders if abstract is not None else ():
-            require_plain(order)
+    if design.orders is None:
+        return ()
+    return refused_orders(design.orders, site, [design.robots], n_chargers=0, is_abstract=abstract is not None)
 
 
 def run_gap(
@@ -182,7 +180,14 @@ def gap_plot(gaps: Sequence[Gap], reference: str, fidelities: Sequence[str], tit
     return draw_forest(title, label, lines, fidelities, scale=100.0)
 
 
-def write_gap(out: Path, design: GapDesign, rows: Sequence[GapRow], gaps: Sequence[Gap], plot: Drawing) -> None:
+def write_gap(
+    out: Path,
+    design: GapDesign,
+    rows: Sequence[GapRow],
+    gaps: Sequence[Gap],
+    plot: Drawing,
+    refused: Sequence[str] = (),
+) -> None:
     """Write the runs as CSV, everything as JSON, and the plot as SVG and PNG.
 
     Args:
@@ -191,6 +196,7 @@ def write_gap(out: Path, design: GapDesign, rows: Sequence[GapRow], gaps: Sequen
         rows: What it achieved.
         gaps: What that shows.
         plot: The same drawn.
+        refused: Orders that were refused, in words.
     """
     out.mkdir(parents=True, exist_ok=True)
     names = [field.name for field in fields(GapRow) if field.name != "arrivals_s"]
@@ -198,6 +204,12 @@ def write_gap(out: Path, design: GapDesign, rows: Sequence[GapRow], gaps: Sequen
         table = csv.writer(file)
         table.writerow(names)
         table.writerows(["" if (cell := getattr(row, name)) is None else str(cell) for name in names] for row in rows)
-    whole = {"design": plain(design), "reference": design.reference.value, "gaps": plain(gaps), "runs": plain(rows)}
+    whole = {
+        "design": plain(design),
+        "orders_refused": list(refused),
+        "reference": design.reference.value,
+        "gaps": plain(gaps),
+        "runs": plain(rows),
+    }
     write_whole(out / JSON_FILE, json.dumps(whole, indent=2) + "\n")
     plot.write(out, PLOT)

@@ -13,6 +13,7 @@ from fleet.abstract.fleet import TIMESTEP_S
 from fleet.abstract.kernel import Phase
 from fleet.abstract.run import AbstractRun
 from fleet.config import ArmConfig, Fidelity, RunConfig, StreamConfig, TrafficConfig, require
+from fleet.insight.metrics import task_times_s
 from fleet.insight.time_accounts import CarTime
 from fleet.simulation import Simulation
 from fleet.study.measurement import run_whole_time
@@ -142,7 +143,7 @@ class _Docks:
 
 def _row(config: RunConfig, simulation: Simulation, docks: _Docks) -> GapRow:
     done = simulation.board.in_state(*DONE_STATES)
-    times = [task.done_s - task.order.release_s for task in done if task.done_s is not None]
+    times = task_times_s(done)
     contacts = simulation.world.contacts()
     return GapRow(
         **_figures(config, len(done), times, simulation.metrics.time_accounts.fleet_time(), docks),

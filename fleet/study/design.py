@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from fleet.config import (
+    RATES_PER_H,
     AllocationConfig,
     ArmConfig,
     BatteryConfig,
@@ -22,6 +23,8 @@ from planners.mapf import DEFAULT_PLANNER
 
 ORDERS_PER_CAR_H = 90.0
 """So that work never ends: a car needs at least 50 s for a delivery on the sites that ship."""
+MOST_SEEDS = 10_000
+"""Most seeds of a comparison."""
 MOST_IN_RANGE = 1_000_000
 """Greatest number of a range."""
 RANGE_FORM = "a list of numbers and ranges, such as 4, 2:20, 2:20:2 or 2,4,8"
@@ -72,8 +75,7 @@ class Design:
             ("--seeds", self.seeds, "an integer >= 1"),
         ):
             require(len(values) > 0, what, ",".join(map(str, values)), valid)
-            twice = [value for k, value in enumerate(values) if value in values[:k]]
-            require(not twice, what, ",".join(map(str, values)), "each once")
+            require(len(set(values)) == len(values), what, ",".join(map(str, values)), "each once")
 
     @property
     def variants(self) -> tuple[Variant, ...]:
@@ -103,6 +105,11 @@ class Design:
             # The runs share the cores already; an arm planner in its own process would only be in the way.
             arms=ArmConfig(workers_n=0),
         )
+
+
+def usual_rate_per_h(robots: int) -> float:
+    """Orders per hour of a fleet: `ORDERS_PER_CAR_H` for each car, or as many as there may be."""
+    return min(ORDERS_PER_CAR_H * robots, RATES_PER_H[1])
 
 
 def parse_range(text: str, what: str) -> tuple[int, ...]:

@@ -14,6 +14,8 @@ from fleet.study.findings import Findings, Point
 from fleet.whole_file import write_whole
 
 PAGE = "study.html"
+PLOTS = ("throughput", "tardiness", "task_time", "waiting")
+"""Names of the files of `charts`, of which a study has some."""
 
 _STYLE = """
 body { font: 15px/1.5 system-ui, -apple-system, 'Segoe UI', Roboto, sans-serif; color: #222; background: #fff;
@@ -54,7 +56,15 @@ def charts(findings: Findings) -> dict[str, Drawing]:
     }
 
 
-def write_page(path: Path, *, findings: Findings, plots: Sequence[Drawing], title: str, settings: str) -> None:
+def write_page(
+    path: Path,
+    *,
+    findings: Findings,
+    plots: Sequence[Drawing],
+    title: str,
+    settings: str,
+    refused: Sequence[str] = (),
+) -> None:
     """Write the page.
 
     Args:
@@ -63,8 +73,9 @@ def write_page(path: Path, *, findings: Findings, plots: Sequence[Drawing], titl
         plots: In order.
         title: Heading.
         settings: One line on what was run, and how to run it again.
+        refused: Orders that some fleets were not given, in words.
     """
-    said = "\n".join(f"<li>{escape(sentence)}</li>" for sentence in sentences(findings))
+    said = "\n".join(f"<li>{escape(sentence)}</li>" for sentence in (*refused, *sentences(findings)))
     pictures = "\n".join(plot.svg() for plot in plots)
     page = f"""<!DOCTYPE html>
 <html lang="en">

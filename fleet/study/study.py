@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import hashlib
 import json
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -10,25 +11,24 @@ from pathlib import Path
 from typing import Any
 
 from fleet.abstract.allocation import require_at_once
-from fleet.abstract.run import require_abstract, require_plain
+from fleet.abstract.run import require_abstract
 from fleet.config import Fidelity
 from fleet.config.field_checks import is_number, is_whole
 from fleet.recording.run_file import plain
-from fleet.robots.cars.models import usual_car
 from fleet.run.starts import require_room
 from fleet.study.backend import Backend
 from fleet.study.design import Design, StudyError, Variant
 from fleet.study.findings import Findings, find
+from fleet.study.page import PAGE, PLOTS
 from fleet.study.pool import run_all
+from fleet.study.refused_orders import refused_orders
 from fleet.study.table import CSV_FILE, Row, TableFile, read_rows
-from fleet.tasks.order import ability_of
-from fleet.tasks.order_file import read_orders
 from fleet.whole_file import write_whole
 from maps.reading.text_file import read_json
-from maps.site import load_site
+from maps.site import load_site, site_file
 from planners.allocation import allocator_named
 
-SETTINGS = "study.json"
+SETTINGS, CONTENTS = "study.json", "contents"
 _GROWING = ("allocators", "robots", "seeds")
 """What may be others when a study goes on."""
 
@@ -43,8 +43,11 @@ class Outcome:
     """Runs that an interrupt left out."""
 
 
-def check(design: Design) -> None:
+def check(design: Design) -> tuple[str, ...]:
     """Refuse a study before its first file is written.
+
+    Returns:
+        Orders of a file that some fleets are not given, in words; see `refused_orders`.
 
     Raises:
         ConfigError: The site has no room for the largest fleet.
@@ -62,13 +65,10 @@ def check(design: Design) -> None:
         if is_abstract:
             require_at_once(allocator, made)
     design.run_config(design.variants[0]).traffic.make_planner(seed=0)
-    if design.orders is not None:
-        payload_kg = usual_car().max_payload_kg
-        # What the smallest fleet can do all can.
-        cars = [ability_of(car, payload_kg) for car in range(min(design.robots))]
-        book = read_orders(design.orders, site, cars, n_chargers=len(site.chargers) if design.battery else 0)
-        for order in book.orders if is_abstract else ():
-            require_plain(order)
+    if design.orders is None:
+        return ()
+    n_chargers = len(site.chargers) if design.battery else 0
+    return refused_orders(design.orders, site, design.robots, n_chargers=n_chargers, is_abstract=is_abstract)
 
 
 def run_study(
@@ -128,10 +128,19 @@ def kept_rate(out: Path) -> float:
     return float(rate_per_h)
 
 
+def _contents(design: Design) -> dict[str, str]:
+    """Digests of the files that decide what is run, which may have other contents when a study goes on."""
+    paths = {"site": site_file(design.site)} | ({} if design.orders is None else {"orders": design.orders})
+    return {name: hashlib.sha256(path.read_bytes()).hexdigest()[:12] for name, path in paths.items()}
+
+
 def _table(design: Design, out: Path, resume: bool) -> TableFile:
     """The table of a study, with the rows that are there, and beside it the settings of all of its rows."""
     rows: list[Row] = []
-    settings: dict[str, Any] = plain(design)
+    settings: dict[str, Any] = plain(design) | {CONTENTS: _contents(design)}
+    if not resume:
+        for stale in (PAGE, *(f"{plot}.png" for plot in PLOTS)):
+            (out / stale).unlink(missing_ok=True)  # they would stand beside the rows of another study
     if resume:
         known = _settings(out / SETTINGS)
         _require_resumable(out, known, settings)
@@ -152,6 +161,11 @@ def _require_resumable(out: Path, known: dict[str, Any], wanted: dict[str, Any])
                 if allocator in wanted["allocators"]:
                     was, now = (told.get(allocator, {}) for told in (known[name], value))
                     _require_same(out, f"{name}.{allocator}", was, now)
+        elif name == CONTENTS:
+            for file, digest in value.items():
+                if known.get(CONTENTS, value).get(file) != digest:
+                    changed = f"the file of --{file}, {wanted[file]}, has other contents than when {out} was made"
+                    raise StudyError(f"--resume: {changed}; valid: the file as it was, or without --resume")
         elif name not in _GROWING:
             _require_same(out, name, known[name], value)
 

@@ -160,7 +160,7 @@ def _row(line: list[str], where: str) -> Row:
         try:
             values[name] = _value(kind, text)
         except ValueError:
-            raise StudyError(f"{where}: {name} is {text!r}; valid: {kind}") from None
+            raise StudyError(f"{where}: {name} is {text!r}; valid: {_VALID.get(kind, _MAYBE)}") from None
     return Row(**values)
 
 
@@ -183,4 +183,6 @@ def _finite(text: str) -> float:
     return number
 
 
+_VALID = {int: "an integer", float: "a finite number", bool: "True or False"}
+_MAYBE = "a finite number, or nothing"
 _TYPES = {name: get_type_hints(Row)[name] for name in COLUMNS}

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -11,7 +12,11 @@ from pathlib import Path
 import pytest
 
 from fleet.cli.main import main
+from fleet.config import Fidelity, StreamConfig
+from fleet.study.design import Design
+from fleet.study.study import run_study
 from fleet.study.table import CSV_FILE, read_rows
+from maps.site import load_site, save_site
 
 WORDS = ["--site", "cell", "--fidelity", "grid", "--robots", "1:2", "--seeds", "2", "--duration", "80"]
 
@@ -123,6 +128,60 @@ def test_another_study_cannot_be_resumed(tmp_path: Path, capsys: pytest.CaptureF
         with pytest.raises(SystemExit):
             main(["study", *WORDS, "--out", str(tmp_path), "--resume"])
         assert "study.json is not the settings of a study" in capsys.readouterr().err
+
+
+def test_a_study_does_not_go_on_when_its_files_have_other_contents(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    site, out = tmp_path / "hall.toml", tmp_path / "out"
+    save_site(load_site("cell"), site)
+    words = ["--site", str(site), "--fidelity", "abstract", "--duration", "80", "--seeds", "1", "--robots", "1"]
+
+    def again(*more: str) -> int:
+        with pytest.raises(SystemExit) as stop:
+            main(["study", *words, "--jobs", "1", "--out", str(out), *more])
+        return int(stop.value.code or 0)
+
+    assert again() == 0
+    assert again("--resume") == 0
+    save_site(load_site("small"), site)
+    capsys.readouterr()
+    assert again("--resume") == 2
+    assert f"--resume: the file of --site, {site}, has other contents than when" in capsys.readouterr().err
+    assert again() == 0
+
+
+def test_orders_that_a_fleet_is_not_given_are_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    orders = tmp_path / "orders.csv"
+    orders.write_text(
+        "id,release_s,pick,drop,mass_kg,size_m,needs\n"
+        "a,0,pick_1,drop_1,0.4,0.06,\nb,0,pick_9,drop_1,0.4,0.06,\nc,0,pick_1,drop_1,0.4,0.06,car_1\n",
+        encoding="utf-8",
+    )
+    words = ["--site", "cell", "--fidelity", "grid", "--duration", "40", "--seeds", "1", "--robots", "1:2"]
+    with pytest.raises(SystemExit):
+        main(["study", *words, "--orders", str(orders), "--jobs", "1", "--out", str(tmp_path / "out")])
+    said, page = capsys.readouterr().out, (tmp_path / "out" / "study.html").read_text(encoding="utf-8")
+    for text in (said, page):
+        assert re.search(r"order refused: .*line 3: .*pick_9", text)
+        assert re.search(r"order refused with 1 car, not with others: .*line 4: .*car_1", text)
+
+
+def test_an_interrupted_study_leaves_no_page_of_the_one_it_replaces(tmp_path: Path) -> None:
+    assert study(tmp_path, "--robots", "1", "--seeds", "1", "--allocators", "greedy", "--jobs", "1") == 0
+    assert (tmp_path / "study.html").is_file()
+    assert (tmp_path / "throughput.png").is_file()
+    design = Design(
+        allocators=("greedy",),
+        robots=(1,),
+        seeds=(0,),
+        site="cell",
+        fidelity=Fidelity.GRID,
+        duration_s=40.0,
+        stream=StreamConfig(),
+    )
+    run_study(design, tmp_path, jobs=1, resume=False, interrupted=[2], progress=lambda done, total: None)
+    assert [path.name for path in tmp_path.iterdir() if path.suffix in (".html", ".png")] == []
 
 
 def test_a_study_goes_on_with_other_sizes_at_its_rate(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -15,7 +15,7 @@ from fleet.cli.run_output import INTERRUPTED, PLAIN_WIDTH, plain_console
 from fleet.cli.scale.fidelities import EVERY_WHOLE, parse_fidelities
 from fleet.config import StreamConfig, require
 from fleet.outputs import require_folder
-from fleet.study.design import ORDERS_PER_CAR_H
+from fleet.study.design import MOST_SEEDS, usual_rate_per_h
 from fleet.terminal.interrupts import interrupts
 from fleet.terminal.progress_bar import Bar
 
@@ -52,12 +52,12 @@ class GapCommand:
     def run(self) -> int:
         """Run, compare and print; returns the exit status."""
         require(self.robots >= 1, "--robots", self.robots, "an integer >= 1")
-        require(self.seeds >= 1, "--seeds", self.seeds, "an integer >= 1")
+        require(1 <= self.seeds <= MOST_SEEDS, "--seeds", self.seeds, f"an integer from 1 to {MOST_SEEDS}")
         require(0.0 < self.duration < 1e6, "--duration", self.duration, "a number > 0, at most a million")
         require(self.jobs is None or self.jobs >= 1, "--jobs", self.jobs, "an integer >= 1")
         require(self.rate is None or self.orders is None, "--rate", self.rate, "without --orders")
         fidelities = parse_fidelities(self.fidelities)
-        rate_per_h = ORDERS_PER_CAR_H * self.robots if self.rate is None else self.rate
+        rate_per_h = usual_rate_per_h(self.robots) if self.rate is None else self.rate
         # The simulation takes a second to load: only for runs, not for --help.
         from fleet.scale.gap import PLOT, check_gap, find_gaps, gap_plot, run_gap, safety_sentences, write_gap
         from fleet.scale.gap_run import GapDesign
@@ -71,7 +71,7 @@ class GapCommand:
             stream=StreamConfig(rate_per_h=rate_per_h) if self.orders is None else None,
             orders=self.orders,
         )
-        check_gap(design)
+        refused = check_gap(design)
         require_folder("--out", self.out)
         with interrupts() as interrupted, Bar(len(design.configs), "runs", shown=True) as bar:
 
@@ -86,9 +86,9 @@ class GapCommand:
         if rows:
             seeds = f"{self.seeds} seed{'s' if self.seeds > 1 else ''} of {self.duration:g} s"
             title = f"{Path(self.site).stem}, {self.robots} car{'s' if self.robots > 1 else ''}, {seeds}"
-            write_gap(self.out, design, rows, gaps, gap_plot(gaps, design.reference, design.others, title))
+            write_gap(self.out, design, rows, gaps, gap_plot(gaps, design.reference, design.others, title), refused)
             console.print(_table(gaps, design.reference, title))
-            for sentence in safety_sentences(rows, design.fidelities):
+            for sentence in (*refused, *safety_sentences(rows, design.fidelities)):
                 console.print(sentence, soft_wrap=True)
             console.print(f"plot: {self.out / PLOT}.svg", soft_wrap=True)
         if n_open := len(design.configs) - len(rows):
