@@ -16,7 +16,7 @@ from fleet.cli.main import main
         ("gap nowhere", "nowhere"),
         ("gap small --robots 0", "--robots is 0; valid: an integer >= 1"),
         ("gap small --robots 900", "--robots is 900; valid: 1 to"),
-        ("gap small --seeds 0", "--seeds is 0; valid: an integer >= 1"),
+        ("gap small --seeds 0", "--seeds is 0; valid: an integer from 1 to 10000"),
         ("gap small --duration -1", "--duration is -1.0; valid: a number > 0"),
         ("gap small --jobs 0", "--jobs is 0; valid: an integer >= 1"),
         ("gap small --rate 5 --orders o.csv", "--rate is 5.0; valid: without --orders"),
