@@ -163,7 +163,7 @@ def _require_resumable(out: Path, known: dict[str, Any], wanted: dict[str, Any])
                     _require_same(out, f"{name}.{allocator}", was, now)
         elif name == CONTENTS:
             for file, digest in value.items():
-                if known.get(CONTENTS, value).get(file) != digest:
+                if known.get(CONTENTS, value).get(file) != digest:  # earlier studies have none
                     changed = f"the file of --{file}, {wanted[file]}, has other contents than when {out} was made"
                     raise StudyError(f"--resume: {changed}; valid: the file as it was, or without --resume")
         elif name not in _GROWING:
@@ -186,9 +186,9 @@ def _settings(path: Path) -> dict[str, Any]:
         known = read_json(path)
     except (OSError, ValueError) as error:
         raise StudyError(f"--resume: there is no study in {path.parent} ({error}); valid: without --resume") from error
-    kinds = {"allocator_settings": dict, "stream": dict, **dict.fromkeys(_GROWING, list)}
+    kinds = {"allocator_settings": dict, "stream": dict, CONTENTS: dict, **dict.fromkeys(_GROWING, list)}
     whole = isinstance(known, dict) and {field.name for field in dataclasses.fields(Design)} <= set(known)
-    if not whole or not all(isinstance(known[name], kind) for name, kind in kinds.items()):
+    if not whole or not all(isinstance(known.get(name, kind()), kind) for name, kind in kinds.items()):
         raise _not_of_study(path)
     names, numbers = known["allocators"], (*known["robots"], *known["seeds"])
     if not all(isinstance(name, str) for name in names) or not all(map(is_whole, numbers)):

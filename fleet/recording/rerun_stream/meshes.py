@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -82,30 +84,40 @@ def _read_obj(path: Path) -> _Shape:
     """Wavefront OBJ: vertices, normals, and faces of corners ``v``, ``v/vt``, ``v/vt/vn`` or ``v//vn``, counted from 1.
 
     Numbers of all lines of a kind are read in one go: line by line, the meshes of one arm took a tenth of a short run.
+
+    Raises:
+        RecordingError: What should be numbers is not.
     """
+
+    def numbers(words: list[str], width: int) -> FloatArray:
+        found = np.array([])
+        with suppress(ValueError), warnings.catch_warnings():
+            warnings.simplefilter("error", DeprecationWarning)  # else what follows a word is left out
+            found = np.fromstring(" ".join(words), dtype=np.float64, sep=" ")
+        if len(found) != width * len(words):
+            raise RecordingError(f"mesh {path}: lines v, vn or f hold other things than numbers; valid: an OBJ file")
+        return found.reshape(-1, width)
+
     lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
-    vertices = _numbers([" ".join(line.split(None, 4)[1:4]) for line in lines if line.startswith("v ")]).reshape(-1, 3)
-    normals = _numbers([line[3:] for line in lines if line.startswith("vn ")]).reshape(-1, 3)
+    vertices, normals = (
+        numbers([" ".join(line.split(None, 4)[1:4]) for line in lines if line.startswith(kind)], 3)
+        for kind in ("v ", "vn ")
+    )
     rings = [line[2:].split() for line in lines if line.startswith("f ")]
     triangles = _fans(np.array([len(ring) for ring in rings], dtype=np.int64))
     words = [word for ring in rings for word in ring]
     if not len(normals) or any(word.count("/") < 2 for word in words):
-        points = _numbers([word.partition("/")[0] for word in words]).astype(np.int64) - 1
+        points = numbers([word.partition("/")[0] for word in words], 1)[:, 0].astype(np.int64) - 1
         return _faceted(vertices[points[triangles]])
-    corners = _numbers([word.replace("//", "/0/").replace("/", " ") for word in words]).astype(np.int64)
-    points, _, shades = corners.reshape(-1, 3).T - 1
+    corners = numbers([word.replace("//", "/0/").replace("/", " ") for word in words], 3).astype(np.int64)
+    points, _, shades = corners.T - 1
     _, first, faces = np.unique(points * len(normals) + shades, return_index=True, return_inverse=True)
     return vertices[points[first]], normals[shades[first]], faces[triangles]
 
 
-def _numbers(words: list[str]) -> FloatArray:
-    """The numbers in some texts, one after the other."""
-    return np.fromstring(" ".join(words), dtype=np.float64, sep=" ")
-
-
 def _fans(n_corners: IntArray) -> IntArray:
     """Cut faces, whose corners stand one after the other, into triangles about their first corners, shape (t, 3)."""
-    n_triangles = n_corners - 2
+    n_triangles = np.maximum(n_corners - 2, 0)
     first = np.repeat(np.cumsum(n_corners) - n_corners, n_triangles)
     k = np.arange(len(first)) - np.repeat(np.cumsum(n_triangles) - n_triangles, n_triangles)
     return np.stack((first, first + k + 1, first + k + 2), axis=1)

@@ -58,6 +58,26 @@ def test_normals_of_a_file_are_kept_and_polygons_are_split(tmp_path: Path) -> No
     np.testing.assert_array_equal(mesh.normals, [[0, 0, 1]] * 4)
 
 
+@pytest.mark.parametrize("form", ["{0}", "{0}/1", "{0}/1/{1}", "{0}//{1}"])
+def test_corners_of_all_forms_are_one_shape(tmp_path: Path, form: str) -> None:
+    path = tmp_path / "a.obj"
+    words = [[form.format(corner, 1) for corner in face.split()[1:]] for face in TETRAHEDRON.splitlines()[5:]]
+    words[0] = [word.partition("/")[0] for word in words[0]] if form.endswith("/1") else words[0]
+    faces = "".join(f"f {' '.join(face)}\n" for face in words)
+    path.write_text("\n".join(TETRAHEDRON.splitlines()[:5]) + "\nvn 0 0 1\nvt 0 0\n" + faces)
+    mesh = link_mesh([visual(path)])
+    assert volume(mesh.positions, mesh.triangles) == pytest.approx(1 / 6)
+    assert np.isfinite(mesh.normals).all()
+
+
+@pytest.mark.parametrize("wrong", ["v 0 0\n", "v 0 zero 0\n", "vn 0 0\n", "f 1 2 three\n"])
+def test_a_file_without_its_numbers_is_named(tmp_path: Path, wrong: str) -> None:
+    path = tmp_path / "a.obj"
+    path.write_text(TETRAHEDRON + "vn 0 0 1\n" + wrong)
+    with pytest.raises(RecordingError, match=r"a\.obj: lines v, vn or f hold other things than numbers"):
+        link_mesh([visual(path)])
+
+
 def test_a_format_that_is_not_known_is_named(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match=r"a\.dae.*valid: \.stl, \.obj"):
         link_mesh([visual(tmp_path / "a.dae")])
