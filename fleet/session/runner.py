@@ -135,6 +135,7 @@ def run_session(config: RunConfig, session: SessionConfig, make: MakeSimulation 
     with ExitStack() as stack:
         events: list[Event] = []
         simulation = stack.enter_context(make(config, on_event=events.append))
+        stack.enter_context(settled())
         if session.record:
             require_rerun()
         if session.serve:
@@ -243,18 +244,17 @@ def _loop(simulation: Simulation, watched: _Watched, pace: Pace, started: float,
     begin = time.perf_counter()
     pace.change(pace.speed, simulation.sim_s)
     try:
-        with settled():
-            while not watched.is_over(simulation) and not interrupted:
-                simulation.tick()
-                watched.look()
-                if first_move_s is None and np.any(np.abs(simulation.world.car_speeds()) > 0.01):
-                    first_move_s = round(time.perf_counter() - started, 3)
-                    simulation.log("first_move")
-                if display is not None:
-                    display.look(interrupted)
-                if watched.bridge is not None:
-                    watched.bridge.look(interrupted)
-                pace.wait(simulation.sim_s, interrupted)
+        while not watched.is_over(simulation) and not interrupted:
+            simulation.tick()
+            watched.look()
+            if first_move_s is None and np.any(np.abs(simulation.world.car_speeds()) > 0.01):
+                first_move_s = round(time.perf_counter() - started, 3)
+                simulation.log("first_move")
+            if display is not None:
+                display.look(interrupted)
+            if watched.bridge is not None:
+                watched.bridge.look(interrupted)
+            pace.wait(simulation.sim_s, interrupted)
     except (FleetError, MapsError, PlanningError) as reason:
         error = reason
     return _Course(wall_s=time.perf_counter() - begin, first_move_s=first_move_s, planning=planning, error=error)
