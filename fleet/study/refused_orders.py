@@ -31,16 +31,19 @@ def refused_orders(
         ConfigError: Abstract runs do not know an order.
         OrdersError: The file cannot be read, or a fleet can be given none of it.
     """
-    payload_kg = usual_car().max_payload_kg
-    causes: dict[str, str] = {}
-    sizes: dict[str, list[int]] = {}
-    for n in robots:
+
+    def refused(n: int) -> dict[str, str]:
+        payload_kg = usual_car().max_payload_kg
         book = read_orders(path, site, [ability_of(car, payload_kg) for car in range(n)], n_chargers=n_chargers)
         for order in book.orders if is_abstract else ():
             require_plain(order)
-        for refusal in book.refused:
-            causes.setdefault(refusal.where, str(refusal))
-            sizes.setdefault(refusal.where, []).append(n)
+        return {refusal.where: str(refusal) for refusal in book.refused}
+
+    causes, of_largest = refused(min(robots)), refused(max(robots))
+    if causes.keys() == of_largest.keys():  # what the smallest can do all can, so those between have the same
+        return tuple(f"order refused: {cause}" for cause in causes.values())
+    by_size = {n: refused(n) for n in robots}
+    sizes = {where: [n for n, own in by_size.items() if where in own] for where in causes}
     return tuple(f"order refused{_with(sizes[where], robots)}: {cause}" for where, cause in causes.items())
 
 

@@ -138,9 +138,6 @@ def _table(design: Design, out: Path, resume: bool) -> TableFile:
     """The table of a study, with the rows that are there, and beside it the settings of all of its rows."""
     rows: list[Row] = []
     settings: dict[str, Any] = plain(design) | {CONTENTS: _contents(design)}
-    if not resume:
-        for stale in (PAGE, *(f"{plot}.png" for plot in PLOTS)):
-            (out / stale).unlink(missing_ok=True)  # they would stand beside the rows of another study
     if resume:
         known = _settings(out / SETTINGS)
         _require_resumable(out, known, settings)
@@ -148,6 +145,9 @@ def _table(design: Design, out: Path, resume: bool) -> TableFile:
         for name in _GROWING:
             settings[name] += [one for one in known[name] if one not in settings[name]]
         settings["allocator_settings"] = {**known["allocator_settings"], **settings["allocator_settings"]}
+    else:
+        for stale in (PAGE, *(f"{plot}.png" for plot in PLOTS)):
+            (out / stale).unlink(missing_ok=True)  # they would stand beside the rows of another study
     out.mkdir(parents=True, exist_ok=True)
     write_whole(out / SETTINGS, json.dumps(settings, indent=2) + "\n")
     return TableFile(out / CSV_FILE, rows)

@@ -170,24 +170,14 @@ class Arms:
             return
         step_s = self._steps.length_s
         left = (self._steps.n - substep) * step_s
-        client, targets = self._client, self._targets
+        targets = self._targets
         for arm in self._active.tolist():
             if self._steps.cubic:
                 q, qd = self._on_cubic(arm, substep)
             else:
                 qd = targets.qd[arm] - targets.acceleration[arm] * (left - step_s / 2)
                 q = targets.q[arm] - targets.qd[arm] * left + targets.acceleration[arm] * (left * left / 2)
-            joints = self._joints[arm]
-            client.setJointMotorControlArray(
-                self.bodies[arm],
-                joints,
-                client.POSITION_CONTROL,
-                targetPositions=q[: len(joints)].tolist(),
-                targetVelocities=qd[: len(joints)].tolist(),
-                forces=self._forces[arm],
-                positionGains=self._gains[arm],
-                velocityGains=self._unit[arm],
-            )
+            self._set_motors(arm, q, qd, self._gains)
 
     def _on_cubic(self, arm: int, substep: int) -> tuple[FloatArray, FloatArray]:
         """Positions where a physics step begins and velocities in its middle, on cubics between set-points."""
@@ -202,20 +192,24 @@ class Arms:
 
     def _turn(self) -> None:
         """Let the moving arms turn so fast that they come to their set-points within the tick, or hold them there."""
-        client, targets = self._client, self._targets
+        targets = self._targets
         _speeds(targets, self._active, self.q, self._steps.length_s, self._turns)
         for arm in self._active.tolist():
-            joints = self._joints[arm]
-            client.setJointMotorControlArray(
-                self.bodies[arm],
-                joints,
-                client.POSITION_CONTROL,
-                targetPositions=targets.q[arm, : len(joints)].tolist(),
-                targetVelocities=self._turns[arm, : len(joints)].tolist(),
-                forces=self._forces[arm],
-                positionGains=(self._gains if targets.held[arm] else self._loose)[arm],
-                velocityGains=self._unit[arm],
-            )
+            gains = self._gains if targets.held[arm] else self._loose
+            self._set_motors(arm, targets.q[arm], self._turns[arm], gains)
+
+    def _set_motors(self, arm: int, q: FloatArray, qd: FloatArray, gains: list[list[float]]) -> None:
+        client, joints = self._client, self._joints[arm]
+        client.setJointMotorControlArray(
+            self.bodies[arm],
+            joints,
+            client.POSITION_CONTROL,
+            targetPositions=q[: len(joints)].tolist(),
+            targetVelocities=qd[: len(joints)].tolist(),
+            forces=self._forces[arm],
+            positionGains=gains[arm],
+            velocityGains=self._unit[arm],
+        )
 
     def read(self) -> None:
         """Fetch joint positions and velocities from the engine: something may have hit an arm that rests, too."""
@@ -266,20 +260,10 @@ class Arms:
 
     def hold_still(self, bodies: set[int]) -> None:
         """Set the motors of some arms that stand, after a `recall`, where they were told to stand."""
-        for arm, (body, joints) in enumerate(zip(self.bodies, self._joints, strict=True)):
-            if body not in bodies:
-                continue
-            self._targets.q[arm] = self._told[arm]
-            self._client.setJointMotorControlArray(
-                body,
-                joints,
-                self._client.POSITION_CONTROL,
-                targetPositions=self._told[arm, : len(joints)].tolist(),
-                targetVelocities=self._loose[arm],
-                forces=self._forces[arm],
-                positionGains=self._gains[arm],
-                velocityGains=self._unit[arm],
-            )
+        for arm, body in enumerate(self.bodies):
+            if body in bodies:
+                self._targets.q[arm] = self._told[arm]
+                self._set_motors(arm, self._told[arm], np.zeros_like(self._told[arm]), self._gains)
 
     def _all_joints(self) -> list[list[int]]:
         """Of each arm, fingers last."""

@@ -620,16 +620,13 @@ class Cars:
         self._parked, self._parked_at = memory.parked, memory.parked_at
         for pack, gait in zip(self._packs, memory.gaits, strict=True):
             pack.legged.recall(gait)
-        self.recall_asides(memory)
+        # The engine's snapshots do not hold who sleeps.
+        for car in np.flatnonzero(memory.aside != self._aside).tolist():
+            (let_sleep if memory.aside[car] else wake)(self._client, self.bodies[car])
+        self._aside = memory.aside
         self._unset[:] = True
         for car, parked in enumerate(self._parked.tolist() if self._brakes else []):
             self._hold(car, on=parked)
-
-    def recall_asides(self, memory: _Memory) -> None:
-        """Let those cars sleep that were aside, and no others: the engine's snapshots do not hold who sleeps."""
-        for car in np.flatnonzero(memory.aside != self._aside).tolist():
-            (let_sleep if memory.aside[car] else wake)(self._client, self.bodies[car])
-        self._aside = memory.aside.copy()
 
     def _brake(self, commands: FloatArray) -> None:
         """Park the cars that stand and are told to, and let go of those that are not, or that were shoved away."""

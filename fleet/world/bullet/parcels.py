@@ -29,6 +29,7 @@ class Parcels:
         # Poses, as far as measured since anything moved last.
         self._places: dict[int, tuple[float, ...]] = {}
         self._poses: FloatArray | None = None
+        self._speeds: dict[int, float] | None = None
         self._radii: dict[int, float] = {}
         self.shapes: dict[int, ParcelBody] = {}
         """Size and mass of every parcel; the pose is that of its entry."""
@@ -109,7 +110,7 @@ class Parcels:
     def moved(self) -> None:
         """Everything may have moved: poses are measured anew."""
         self._places.clear()
-        self._poses = None
+        self._poses = self._speeds = None
 
     def pose(self, parcel: int) -> FloatArray:
         """The same as an array, shape (7,)."""
@@ -144,19 +145,22 @@ class Parcels:
         self._client.resetBasePositionAndOrientation(self.body(parcel), numbers[:3], numbers[3:7])
         self._client.resetBaseVelocity(self.body(parcel), numbers[7:10], numbers[10:13])
         self._places.pop(parcel, None)
-        self._poses = None
+        self._poses = self._speeds = None
 
     def rest(self, slow_mps: float) -> bool:
         """Whether all parcels move and turn more slowly than that [m/s, rad/s]."""
-        return all(self._still(body, slow_mps) for body in self._bodies.values())
+        return all(speed < slow_mps for speed in self._fastest().values())
 
     def still(self, slow_mps: float) -> list[int]:
         """Bodies of the parcels that move and turn more slowly than that [m/s, rad/s]."""
-        return [body for body in self._bodies.values() if self._still(body, slow_mps)]
+        return [body for body, speed in self._fastest().items() if speed < slow_mps]
 
-    def _still(self, body: int, slow_mps: float) -> bool:
-        (vx, vy, vz), (wx, wy, wz) = self._client.getBaseVelocity(body)
-        return max(vx, vy, vz, wx, wy, wz) < slow_mps and min(vx, vy, vz, wx, wy, wz) > -slow_mps
+    def _fastest(self) -> dict[int, float]:
+        """Measure the greatest part of each body's velocities, once until `moved` is called [m/s, rad/s]."""
+        if self._speeds is None:
+            measure = self._client.getBaseVelocity
+            self._speeds = {body: max(abs(v) for part in measure(body) for v in part) for body in self._bodies.values()}
+        return self._speeds
 
     def state(self) -> list[float]:
         """All ids, positions and velocities, one after the other."""
@@ -164,4 +168,4 @@ class Parcels:
 
     def _listed_anew(self) -> None:
         """Other parcels are in the world."""
-        self._numbers = self._poses = None
+        self._numbers = self._poses = self._speeds = None

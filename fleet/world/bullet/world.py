@@ -14,6 +14,7 @@ from fleet.config import Connect, Grip
 from fleet.errors import ConfigError
 from fleet.robots import CARS
 from fleet.sensors.camera import Camera, CameraImage
+from fleet.sensors.errors import SensorError
 from fleet.world.bullet.arms import Arms, MotorSteps
 from fleet.world.bullet.camera import render
 from fleet.world.bullet.cars import CarBodyMotion, CarReading, Cars, CarSteps
@@ -96,7 +97,7 @@ class BulletWorld:
         self.n_arms = len(scene.arm_base)
         self._n_calls = config.n_calls
         self._contact_breaking_m = config.contact_breaking_m
-        self._slow = config.slow
+        self._slow, self._has_visuals = config.slow, config.visuals
         call_s = config.tick_s / config.n_calls
         at_once = config.n_steps_per_call is not None
         urdfs = [CARS[kind.name].urdf(config.wheels) for kind in scene.car_kinds]
@@ -420,7 +421,13 @@ class BulletWorld:
         )
 
     def image(self, camera: Camera) -> CameraImage:
-        """What a camera sees now, rendered without a display; changes nothing."""
+        """What a camera sees now, rendered without a display; changes nothing.
+
+        Raises:
+            SensorError: Robots are not to be seen.
+        """
+        if not self._has_visuals:
+            raise SensorError(f"camera {camera.name}: this world was made without images; valid: perception camera")
         return render(self._client, camera, self._parcels.by_body)
 
     def save(self, *, settle: bool = False) -> Snapshot:

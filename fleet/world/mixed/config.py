@@ -44,8 +44,8 @@ class MixedConfig:
     still_s: float = 0.5
     """What has not moved for so long sleeps, and a region in which nothing did is no longer stepped [s]; fingers have
     closed by then."""
-    slow: float = 1e-3
-    """Speed up to which things count as resting [m/s, rad/s]: a parcel that lies still rocks by 1e-4 in the solver."""
+    slow: float = BulletConfig.slow
+    """Speed up to which things rest [m/s, rad/s]."""
 
     def __post_init__(self) -> None:
         for name in (

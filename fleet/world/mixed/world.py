@@ -310,8 +310,6 @@ class MixedWorld:
         Raises:
             SensorError: No arm is in sight, or cars are not to be seen.
         """
-        if not self._config.images:
-            raise SensorError(f"camera {camera.name}: this world was made without images; valid: perception camera")
         region = self._region_at(camera.aims_at, self._config.near_m)
         if region is None:
             raise SensorError(f"camera {camera.name}: no arm is near what it looks at; valid: a camera at a station")

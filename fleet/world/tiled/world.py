@@ -10,7 +10,6 @@ import numpy as np
 
 from fleet.arrays import BoolArray, FloatArray, IntArray
 from fleet.sensors.camera import Camera, CameraImage
-from fleet.sensors.errors import SensorError
 from fleet.world.kinematic import CommandError, SnapshotError
 from fleet.world.parcels import ParcelError
 from fleet.world.protocol import Contacts, ParcelBody
@@ -226,8 +225,6 @@ class TiledWorld:
         Raises:
             SensorError: Robots are not to be seen.
         """
-        if not self._config.bullet.visuals:
-            raise SensorError(f"camera {camera.name}: this world was made without images; valid: perception camera")
         x, y = camera.aims_at.tolist()
         image: CameraImage = self._crew.ask(self._split.at(x, y), "image", camera)
         return image
